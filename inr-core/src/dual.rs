@@ -125,6 +125,7 @@ impl<T: Scalar, const D: usize> Sub for Dual<T, D> {
     }
 }
 
+#[allow(clippy::suspicious_arithmetic_impl)] // The product rule.
 impl<T: Scalar, const D: usize> Mul for Dual<T, D> {
     type Output = Self;
 
@@ -134,6 +135,7 @@ impl<T: Scalar, const D: usize> Mul for Dual<T, D> {
     }
 }
 
+#[allow(clippy::suspicious_arithmetic_impl)] // The quotient rule.
 impl<T: Scalar, const D: usize> Div for Dual<T, D> {
     type Output = Self;
 
