@@ -1,0 +1,152 @@
+//! OpenEXR: any set of channels of the first layer, half, float or unsigned integer.
+
+use std::io::{Cursor, Seek, Write};
+
+use ::exr::image::write::WritableImage;
+use ::exr::meta::MetaData;
+use ::exr::meta::header::Header;
+use ::exr::prelude::{
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image as ExrImage, ReadChannels,
+    ReadLayers, Text, read,
+};
+
+use super::quantize::to_f16;
+use crate::budget::{Budget, check_plausible, with_capacity};
+use crate::error::Fault;
+use crate::plan::Plan;
+use crate::{Image, SampleType, Transfer};
+
+pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
+    let meta = MetaData::read_from_buffered(bytes, false).map_err(fault)?;
+    for header in &meta.headers {
+        check_header(header, bytes.len(), budget)?;
+    }
+    let layer = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(fault)?
+        .layer_data;
+
+    let (width, height) = (layer.size.width(), layer.size.height());
+    let mut channels: Vec<_> = layer.channel_data.list.into_iter().collect();
+    channels.sort_by_cached_key(|c| sort_key(&c.name.to_string()));
+    let count = budget.samples(width as u64, height as u64, channels.len() as u64)?;
+    let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
+    let half = channels.iter().all(|c| matches!(c.sample_data, FlatSamples::F16(_)));
+    let mut data = with_capacity(count)?;
+    for channel in channels {
+        match channel.sample_data {
+            FlatSamples::F16(v) => data.extend(v.iter().map(|v| v.to_f32())),
+            FlatSamples::F32(v) => data.extend(v),
+            FlatSamples::U32(v) => data.extend(v.iter().map(|v| *v as f32)),
+        }
+    }
+    let mut image = Image::new(width, height, &names, data)?;
+    image.sample = if half { SampleType::F16 } else { SampleType::F32 };
+    image.transfer = Transfer::Linear;
+    Ok(image)
+}
+
+/// Refuses, before anything is decoded, what cannot or may not be.
+fn check_header(header: &Header, file_bytes: usize, budget: &Budget) -> Result<(), Fault> {
+    if header.deep {
+        return Err(Fault::Feature("deep data".to_owned()));
+    }
+    let channels = &header.channels.list;
+    if channels.iter().any(|c| (c.sampling.x(), c.sampling.y()) != (1, 1)) {
+        return Err(Fault::Feature("subsampled channels".to_owned()));
+    }
+    let size = header.layer_size;
+    budget.samples(size.width() as u64, size.height() as u64, channels.len() as u64)?;
+    // Each chunk has an entry of 8 bytes in the offset table and a header of 8 bytes at least.
+    if (header.chunk_count as u64).saturating_mul(16) > file_bytes as u64 {
+        let chunks = header.chunk_count;
+        return Err(Fault::corrupt(format!("{chunks} chunks do not fit into {file_bytes} bytes")));
+    }
+    let promised: u64 =
+        channels.iter().map(|c| (size.area() * c.sample_type.bytes_per_sample()) as u64).sum();
+    check_plausible(promised, file_bytes, best_ratio(header.compression))
+}
+
+/// Bytes that one stored byte can stand for, at most; generous where the method has no clear bound.
+fn best_ratio(compression: Compression) -> u64 {
+    match compression {
+        Compression::Uncompressed => 1,
+        Compression::RLE => 64,                     // 128 equal bytes in 2.
+        Compression::B44 | Compression::B44A => 11, // 16 halves in 3 bytes.
+        Compression::ZIP1 | Compression::ZIP16 => 1032, // The best of deflate.
+        _ => 4096,
+    }
+}
+
+/// Files list channels by alphabet (A B G R). People want R G B, then the rest, then alpha; the same
+/// inside every layer (`diffuse.R`).
+fn sort_key(name: &str) -> (String, usize, String) {
+    let (layer, channel) = name.rsplit_once('.').unwrap_or(("", name));
+    let known = ["R", "G", "B", "Y"].iter().position(|c| *c == channel);
+    let rank = if channel == "A" { 5 } else { known.unwrap_or(4) };
+    (layer.to_owned(), rank, channel.to_owned())
+}
+
+fn fault(error: ::exr::error::Error) -> Fault {
+    use ::exr::error::Error;
+    match error {
+        Error::NotSupported(what) => Fault::Feature(what.into_owned()),
+        Error::Io(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Fault::cut_short(),
+        other => Fault::corrupt(other.to_string()),
+    }
+}
+
+/// Writes one layer in scan lines with ZIP compression, which loses nothing.
+pub(super) fn encode(
+    image: &Image,
+    plan: &Plan,
+    w: &mut (impl Write + Seek),
+) -> Result<usize, Fault> {
+    let mut clipped = 0;
+    let mut list = Vec::new();
+    for (c, name) in image.channels().iter().enumerate() {
+        let text = Text::new_or_none(name).filter(|_| name.len() <= 255).ok_or_else(|| {
+            let what = format!("a channel named {name:?}");
+            Fault::cannot_hold(what, "choose Latin names of at most 255 letters")
+        })?;
+        let plane = image.plane(c);
+        let samples = match plan.sample {
+            SampleType::F16 => {
+                let (halves, clips): (Vec<_>, Vec<_>) = plane.iter().map(|v| to_f16(*v)).unzip();
+                if name != "A" {
+                    clipped += clips.iter().filter(|c| **c).count();
+                }
+                FlatSamples::F16(halves)
+            }
+            _ => FlatSamples::F32(plane.to_vec()),
+        };
+        list.push(AnyChannel::new(text, samples));
+    }
+    let size = (image.width(), image.height());
+    let channels = AnyChannels::sort(list.into());
+    ExrImage::from_encoded_channels(size, Encoding::SMALL_LOSSLESS, channels)
+        .write()
+        .to_buffered(w)
+        .map_err(|e| match e {
+            ::exr::error::Error::Io(e) => Fault::Io(e),
+            other => Fault::Encode(other.to_string()),
+        })?;
+    Ok(clipped)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_come_in_the_usual_order() {
+        let mut names = vec!["A", "B", "G", "R", "Z", "diffuse.A", "diffuse.B", "diffuse.R"];
+        names.sort_by_cached_key(|n| sort_key(n));
+        assert_eq!(names, ["R", "G", "B", "Z", "A", "diffuse.R", "diffuse.B", "diffuse.A"]);
+    }
+}
