@@ -9,6 +9,7 @@ mod error;
 mod field;
 mod jet;
 mod prefilter;
+mod region;
 mod samples;
 mod scalar;
 mod spline;
@@ -21,6 +22,9 @@ pub use error::{Error, Result};
 pub use field::Field;
 pub use jet::Jet;
 pub use prefilter::{mirror, prefilter};
+pub use region::{
+    BoxRegion, Complement, Ellipsoid, Intersection, RasterMask, Region, Translated, Union,
+};
 pub use samples::Samples;
 pub use scalar::Scalar;
 pub use spline::Spline;

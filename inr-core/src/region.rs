@@ -1,0 +1,48 @@
+//! Where the patch goes: sets in `R^D` with a signed distance and a weight.
+
+mod box_region;
+mod ellipsoid;
+mod raster_mask;
+mod set;
+mod topology;
+
+pub use box_region::BoxRegion;
+pub use ellipsoid::Ellipsoid;
+pub use raster_mask::RasterMask;
+pub use set::{Complement, Intersection, Translated, Union};
+
+/// A set of points in `R^D`, in physical coordinates.
+pub trait Region<const D: usize>: Send + Sync {
+    /// Distance from `x` to the region's boundary, in physical units: negative inside, infinite
+    /// when there is no boundary in that direction (nothing is inside, or everything).
+    ///
+    /// Each region documents whether the value is exact or a bound. NaN coordinates give an
+    /// unspecified value.
+    fn signed_distance(&self, x: &[f32; D]) -> f32;
+
+    /// How much `x` belongs to the region, in `[0, 1]`: for a hard region 1 where the signed
+    /// distance is negative and 0 elsewhere.
+    fn weight(&self, x: &[f32; D]) -> f32 {
+        if self.signed_distance(x) < 0.0 { 1.0 } else { 0.0 }
+    }
+}
+
+impl<const D: usize, R: Region<D> + ?Sized> Region<D> for Box<R> {
+    fn signed_distance(&self, x: &[f32; D]) -> f32 {
+        (**self).signed_distance(x)
+    }
+
+    fn weight(&self, x: &[f32; D]) -> f32 {
+        (**self).weight(x)
+    }
+}
+
+impl<const D: usize, R: Region<D> + ?Sized> Region<D> for &R {
+    fn signed_distance(&self, x: &[f32; D]) -> f32 {
+        (**self).signed_distance(x)
+    }
+
+    fn weight(&self, x: &[f32; D]) -> f32 {
+        (**self).weight(x)
+    }
+}
