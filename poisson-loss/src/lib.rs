@@ -1,1 +1,21 @@
-//! npsolve.
+//! Gradient-domain blending in any dimension.
+
+mod assembly;
+mod axis;
+mod cg;
+mod error;
+mod exact;
+mod guidance;
+mod multigrid;
+mod objective;
+mod operator;
+mod plain;
+mod plan;
+mod problem;
+mod tile;
+
+pub use error::{Error, Result};
+pub use exact::{Blend, Report, solve, solve_with_progress};
+pub use guidance::{CustomGuidance, Guidance, Strongest};
+pub use objective::{Objective, Options};
+pub use problem::{Patch, Problem};

@@ -1,1 +1,5 @@
-//! npsolve.
+//! What the tests across crates share: an independent reference of the blending problem, signals
+//! to blend, and the sample data when it is there.
+
+pub mod reference;
+pub mod signals;

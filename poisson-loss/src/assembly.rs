@@ -1,0 +1,608 @@
+//! The first guess and its residual: what the problem's signals turn into for the solver.
+//!
+//! The unknown is the change of the background in spline coefficients, `e = c - c_S`. The first
+//! guess pastes: `e_0 = guide * d`. For guidance that is linear in the signals `v - grad c_S` is
+//! itself the gradient of a spline `d`, so the residual vanishes wherever the region is deep.
+
+use inr_core::cpu::{Kernel, dispatch};
+use inr_core::{Field, Jet, Spline, mirror, prefilter};
+use rayon::prelude::*;
+
+use crate::axis::End;
+use crate::operator::{
+    REACH, Scratch, SplineOperator, Weighted, cell_points, gather4, scatter4, uniform_value,
+};
+use crate::plan::Plan;
+use crate::problem::{Patch, Problem, aligned_shift, copy_box};
+use crate::tile::{Beyond, Frame, Tile};
+use crate::{Error, Guidance, Result};
+
+/// Samples around the region whose coefficients the residual can see.
+const SKIRT: usize = 5;
+/// Samples around those that the prefilter needs: `0.268^16 = 7e-10`.
+const PREFILTER_REACH: usize = 16;
+
+/// First guess and residual on a box around the region; both vanish outside it.
+pub struct Initial<const D: usize> {
+    /// First background sample of the box.
+    pub start: [usize; D],
+    pub frame: Frame<D>,
+    /// The change `e_0`, one plane per channel.
+    pub change: Vec<Vec<f32>>,
+    /// `b - A e_0`, one plane per channel.
+    pub residual: Vec<Vec<f32>>,
+}
+
+/// Coefficients on the box of [`Initial`].
+struct Inputs<'a, const D: usize, const C: usize> {
+    /// The background; empty when only `target` is needed.
+    background: Vec<Vec<f32>>,
+    /// Patch minus background.
+    difference: Vec<Vec<f32>>,
+    /// For linear guidance the field whose gradient is `v - grad c_S`, if it is not `difference`.
+    target: Option<Vec<Vec<f32>>>,
+    /// Set where the guidance needs the patch off the background's lattice.
+    field: Option<Moved<'a, D, C>>,
+    linear: bool,
+}
+
+/// A field moved by an offset.
+struct Moved<'a, const D: usize, const C: usize> {
+    field: Source<'a, D, C>,
+    offset: [f32; D],
+}
+
+enum Source<'a, const D: usize, const C: usize> {
+    Owned(Spline<D, C>),
+    Borrowed(&'a dyn Field<D, C>),
+}
+
+impl<const D: usize, const C: usize> Moved<'_, D, C> {
+    fn field(&self) -> &dyn Field<D, C> {
+        match &self.field {
+            Source::Owned(spline) => spline,
+            Source::Borrowed(field) => *field,
+        }
+    }
+
+    fn jets(&self, x: &mut [[f32; D]], y: &mut [Jet<D, C>]) {
+        for x in x.iter_mut() {
+            for d in 0..D {
+                x[d] -= self.offset[d];
+            }
+        }
+        self.field().eval_jet(x, y);
+    }
+}
+
+impl<const D: usize> Initial<D> {
+    pub fn new<const C: usize>(problem: &Problem<'_, D, C>, plan: &Plan<D>) -> Result<Self> {
+        let (start, frame) = skirted(problem, plan);
+        let inputs = Inputs::new(problem, start, frame)?;
+        let here = |values: &[f32]| -> Vec<f32> {
+            let lo = std::array::from_fn(|d| start[d] as isize - plan.start[d] as isize);
+            copy_box(values, plan.frame.shape, lo, frame.shape, |_, _| None)
+        };
+        let weights = Weights { guide: here(&plan.guide), region: here(&plan.region) };
+        let operator = SplineOperator {
+            frame,
+            alpha: plan.alpha,
+            screening: here(&plan.screening()),
+            gamma: if plan.gamma.is_empty() { Vec::new() } else { here(&plan.gamma) },
+        };
+        let pasted = inputs.target.as_ref().unwrap_or(&inputs.difference);
+        let mut change: Vec<Vec<f32>> = pasted.iter().map(|d| scaled(d, &weights.guide)).collect();
+        if plan.keep == 0.0 {
+            // Only the gradient matters inside, so the jump at the edge may be centred.
+            for (e, d) in change.iter_mut().zip(pasted) {
+                let mean = edge_mean(d, &weights.region, &frame);
+                e.iter_mut().zip(&weights.guide).for_each(|(e, g)| *e -= g * mean);
+            }
+        }
+        if !plan.free.is_empty() {
+            let free: Vec<f32> = plan.free.iter().map(|f| f32::from(*f)).collect();
+            let free = here(&free);
+            change.iter_mut().for_each(|e| e.iter_mut().zip(&free).for_each(|(e, f)| *e *= f));
+        }
+        let assembly = Assembly {
+            problem,
+            plan,
+            start,
+            frame,
+            inputs: &inputs,
+            weights: &weights,
+            operator: &operator,
+        };
+        let residual = assembly.residual(&change);
+        Ok(Self { start, frame, change, residual })
+    }
+}
+
+/// The region's box with a skirt, cut at the signal's border.
+fn skirted<const D: usize, const C: usize>(
+    problem: &Problem<'_, D, C>,
+    plan: &Plan<D>,
+) -> ([usize; D], Frame<D>) {
+    let shape = problem.background.domain().shape();
+    let lo: [usize; D] = std::array::from_fn(|d| plan.support.start[d].saturating_sub(SKIRT));
+    let hi: [usize; D] = std::array::from_fn(|d| {
+        (plan.support.start[d] + plan.support.shape[d] + SKIRT).min(shape[d])
+    });
+    let ends = std::array::from_fn(|d| {
+        [lo[d] > 0, hi[d] < shape[d]].map(|cut| if cut { End::Zero } else { End::Mirror })
+    });
+    (lo, Frame { shape: std::array::from_fn(|d| hi[d] - lo[d]), ends })
+}
+
+fn scaled(values: &[f32], weights: &[f32]) -> Vec<f32> {
+    values.iter().zip(weights).map(|(v, w)| v * w).collect()
+}
+
+/// Mean over the region samples that have an axis neighbour outside.
+fn edge_mean<const D: usize>(values: &[f32], region: &[f32], frame: &Frame<D>) -> f32 {
+    let (mut sum, mut count, mut stride) = (0.0f64, 0.0f64, 1);
+    for d in 0..D {
+        for k in stride..values.len() {
+            // Differences that wrap round a row's end compare two samples outside the region.
+            if (region[k] > 0.0) != (region[k - stride] > 0.0) {
+                sum += f64::from(if region[k] > 0.0 { values[k] } else { values[k - stride] });
+                count += 1.0;
+            }
+        }
+        stride *= frame.shape[d];
+    }
+    if count > 0.0 { (sum / count) as f32 } else { 0.0 }
+}
+
+struct Weights {
+    guide: Vec<f32>,
+    region: Vec<f32>,
+}
+
+impl<'a, const D: usize, const C: usize> Inputs<'a, D, C> {
+    fn new(problem: &Problem<'a, D, C>, start: [usize; D], frame: Frame<D>) -> Result<Self> {
+        let domain = *problem.background.domain();
+        // A wider box, so that the prefilter's own mirror at its border is not felt inside.
+        let wide: [usize; D] = std::array::from_fn(|d| start[d].saturating_sub(PREFILTER_REACH));
+        let wide_shape: [usize; D] = std::array::from_fn(|d| {
+            (start[d] + frame.shape[d] + PREFILTER_REACH).min(domain.shape()[d]) - wide[d]
+        });
+        let background: Vec<Vec<f32>> = (0..C)
+            .map(|c| {
+                let lo = wide.map(|v| v as isize);
+                copy_box(problem.background.plane(c), domain.shape(), lo, wide_shape, |_, _| None)
+            })
+            .collect();
+        check("background", &background, wide_shape, wide)?;
+        let (patch, field) = sample_patch(problem, wide, wide_shape)?;
+        let coefficients = |planes: Vec<Vec<f32>>| -> Vec<Vec<f32>> {
+            planes
+                .into_iter()
+                .map(|mut plane| {
+                    prefilter(&wide_shape, &mut plane);
+                    let lo = std::array::from_fn(|d| (start[d] - wide[d]) as isize);
+                    copy_box(&plane, wide_shape, lo, frame.shape, |_, _| None)
+                })
+                .collect()
+        };
+        let mixed = |mu: f32, phi: f32| -> Vec<Vec<f32>> {
+            let mix = |(s, t): (&Vec<f32>, &Vec<f32>)| {
+                s.iter().zip(t).map(|(s, t)| mu * s + phi * t).collect()
+            };
+            background.iter().zip(&patch).map(mix).collect()
+        };
+        let linear = field.is_none();
+        let target = match &problem.guidance {
+            Guidance::Mix { mu, phi } => Some(mixed(mu - 1.0, *phi)),
+            Guidance::Monochrome => Some(monochrome_target(&problem.guidance, &background, &patch)),
+            _ => None,
+        };
+        let linear = linear && (target.is_some() || problem.guidance.is_patch());
+        let difference = coefficients(mixed(-1.0, 1.0));
+        let target = target.map(&coefficients);
+        let background = if linear { Vec::new() } else { coefficients(background) };
+        Ok(Self { background, difference, target, field, linear })
+    }
+}
+
+/// Luminance of the patch minus each channel of the background.
+fn monochrome_target<const D: usize, const C: usize>(
+    guidance: &Guidance<D, C>,
+    background: &[Vec<f32>],
+    patch: &[Vec<f32>],
+) -> Vec<Vec<f32>> {
+    let n = background[0].len();
+    let gray: Vec<f32> = (0..n)
+        .map(|k| {
+            let mut jet = Jet::ZERO;
+            (0..C).for_each(|c| jet.grad[c] = [patch[c][k]; D]);
+            guidance.evaluate(&[0.0; D], &Jet::ZERO, &jet)[0][0]
+        })
+        .collect();
+    background.iter().map(|s| gray.iter().zip(s).map(|(g, s)| g - s).collect()).collect()
+}
+
+/// The patch's values on a box of background samples, and the field itself where the box's
+/// lattice does not carry it exactly.
+fn sample_patch<'a, const D: usize, const C: usize>(
+    problem: &Problem<'a, D, C>,
+    start: [usize; D],
+    shape: [usize; D],
+) -> Result<(Vec<Vec<f32>>, Option<Moved<'a, D, C>>)> {
+    let domain = problem.background.domain();
+    let moved = match problem.patch {
+        Patch::Samples { samples, offset } => {
+            match aligned_shift(domain, samples.domain(), &offset) {
+                Some(shift) => {
+                    let (n, lo) = (
+                        samples.domain().shape(),
+                        std::array::from_fn(|d| start[d] as isize - shift[d]),
+                    );
+                    let planes: Vec<Vec<f32>> = (0..C)
+                        .map(|c| {
+                            copy_box(samples.plane(c), n, lo, shape, |i, d| Some(mirror(i, n[d])))
+                        })
+                        .collect();
+                    check("patch", &planes, shape, start)?;
+                    return Ok((planes, None));
+                }
+                None => {
+                    samples.check_finite().map_err(|e| not_finite("patch", e))?;
+                    Moved { field: Source::Owned(Spline::interpolate(samples)), offset }
+                }
+            }
+        }
+        Patch::Field { field, offset } => Moved { field: Source::Borrowed(field), offset },
+    };
+    let lattice = domain.cropped(start, shape).expect("a box inside a valid domain");
+    let n = lattice.len();
+    let mut planes = vec![vec![0.0f32; n]; C];
+    let mut x: Vec<[f32; D]> = (0..n).map(|k| lattice.position(lattice.unflatten(k))).collect();
+    x.iter_mut().for_each(|x| (0..D).for_each(|d| x[d] -= moved.offset[d]));
+    let mut y = vec![[0.0f32; C]; n];
+    moved.field().eval(&x, &mut y);
+    for (k, y) in y.iter().enumerate() {
+        (0..C).for_each(|c| planes[c][k] = y[c]);
+    }
+    check("patch", &planes, shape, start)?;
+    Ok((planes, Some(moved)))
+}
+
+fn not_finite(signal: &'static str, error: inr_core::Error) -> Error {
+    match error {
+        inr_core::Error::NotFinite { index, channel, value } => {
+            Error::NotFinite { signal, index, channel, value }
+        }
+        _ => Error::NotFinite { signal, index: Vec::new(), channel: 0, value: f32::NAN },
+    }
+}
+
+/// Refuses NaN and infinity, naming the background sample.
+fn check<const D: usize>(
+    signal: &'static str,
+    planes: &[Vec<f32>],
+    shape: [usize; D],
+    start: [usize; D],
+) -> Result<()> {
+    for (channel, plane) in planes.iter().enumerate() {
+        // A sum is not finite when a term is not, and costs no branch; overflow is told apart below.
+        let bad = plane.par_chunks(1 << 14).find_map_first(|chunk| {
+            let suspicious = !chunk.iter().map(|v| v * 0.0).sum::<f32>().is_finite();
+            (suspicious).then_some(chunk)
+        });
+        if bad.is_some() {
+            let k = plane.iter().position(|v| !v.is_finite()).unwrap_or(0);
+            let mut rest = k;
+            let index = (0..D)
+                .map(|d| {
+                    let i = start[d] + rest % shape[d];
+                    rest /= shape[d];
+                    i
+                })
+                .collect();
+            return Err(Error::NotFinite { signal, index, channel, value: plane[k] });
+        }
+    }
+    Ok(())
+}
+
+struct Assembly<'a, const D: usize, const C: usize> {
+    problem: &'a Problem<'a, D, C>,
+    plan: &'a Plan<D>,
+    start: [usize; D],
+    frame: Frame<D>,
+    inputs: &'a Inputs<'a, D, C>,
+    weights: &'a Weights,
+    operator: &'a SplineOperator<D>,
+}
+
+/// Buffers of one thread.
+#[derive(Default)]
+struct Buffers {
+    scratch: Scratch,
+    guide: Vec<f32>,
+    region: Vec<f32>,
+    planes: Vec<Vec<f32>>,
+    sums: Vec<Vec<f32>>,
+}
+
+impl<const D: usize, const C: usize> Assembly<'_, D, C> {
+    /// `b - A e`, one plane per channel.
+    fn residual(&self, change: &[Vec<f32>]) -> Vec<Vec<f32>> {
+        let n = self.frame.len();
+        let slab_len = self.frame.slab_len();
+        let slabs: Vec<Vec<Vec<f32>>> = (0..n.div_ceil(slab_len))
+            .into_par_iter()
+            .map_init(Buffers::default, |buffers, slab| {
+                let mut out = vec![vec![0.0f32; slab_len.min(n - slab * slab_len)]; C];
+                for tile in self.frame.tiles(slab, REACH) {
+                    self.residual_tile(&tile, change, buffers, &mut out);
+                }
+                out
+            })
+            .collect();
+        (0..C)
+            .map(|c| {
+                let mut plane = Vec::with_capacity(n);
+                slabs.iter().for_each(|s| plane.extend_from_slice(&s[c]));
+                plane
+            })
+            .collect()
+    }
+
+    fn residual_tile(
+        &self,
+        tile: &Tile<D>,
+        change: &[Vec<f32>],
+        buffers: &mut Buffers,
+        out: &mut [Vec<f32>],
+    ) {
+        tile.load(&self.weights.guide, Beyond::Edge, &mut buffers.guide);
+        tile.load(&self.weights.region, Beyond::Edge, &mut buffers.region);
+        match (uniform_value(&buffers.guide), uniform_value(&buffers.region)) {
+            (Some(0.0), Some(0.0)) => return,
+            (Some(1.0), Some(1.0)) if self.inputs.linear && self.plan.gamma.is_empty() => {
+                // Deep inside the first guess is exact, unless another field's colours are kept.
+                if self.plan.keep == 0.0 || self.inputs.target.is_none() {
+                    return;
+                }
+            }
+            _ => {}
+        }
+        buffers.sums.resize_with(C, Vec::new);
+        for sum in &mut buffers.sums {
+            sum.clear();
+            sum.resize(tile.len(), 0.0);
+        }
+        if self.inputs.linear {
+            self.add_linear_guidance(tile, buffers);
+        } else {
+            self.add_guidance(tile, buffers);
+        }
+        let Buffers { scratch, region, sums, planes, .. } = buffers;
+        planes.resize_with(1, Vec::new);
+        for c in 0..C {
+            if self.plan.keep > 0.0 {
+                tile.load(&self.inputs.difference[c], Beyond::Zero, &mut planes[0]);
+                weighted(tile, None, self.plan.keep, &planes[0], region, scratch, &mut sums[c]);
+            }
+            tile.load(&change[c], Beyond::Zero, &mut planes[0]);
+            self.operator.apply_tile(tile, &planes[0], scratch);
+            for (s, a) in sums[c].iter_mut().zip(&scratch.output) {
+                *s -= a;
+            }
+            tile.store(&sums[c], &mut out[c]);
+        }
+    }
+
+    /// `sum_d alpha_d B_d^T guide B_d target`.
+    fn add_linear_guidance(&self, tile: &Tile<D>, buffers: &mut Buffers) {
+        let target = self.inputs.target.as_ref().unwrap_or(&self.inputs.difference);
+        let Buffers { scratch, guide, sums, planes, .. } = buffers;
+        planes.resize_with(1, Vec::new);
+        for c in 0..C {
+            tile.load(&target[c], Beyond::Zero, &mut planes[0]);
+            for d in 0..D {
+                weighted(
+                    tile,
+                    Some(d),
+                    self.plan.alpha[d],
+                    &planes[0],
+                    guide,
+                    scratch,
+                    &mut sums[c],
+                );
+            }
+        }
+    }
+
+    /// `sum_d B_d^T guide (v_d - grad_d c_S)` with the guidance evaluated point by point.
+    fn add_guidance(&self, tile: &Tile<D>, buffers: &mut Buffers) {
+        let n = tile.len();
+        let Buffers { scratch, guide, sums, planes, .. } = buffers;
+        // Planes: coefficients of S and T - S per channel, then value and slopes of both.
+        let (source, jets) = (2 * C, 2 * C * (D + 1));
+        planes.resize_with(source + jets, Vec::new);
+        let (source, jets) = planes.split_at_mut(source);
+        for c in 0..C {
+            tile.load(&self.inputs.background[c], Beyond::Zero, &mut source[c]);
+            tile.load(&self.inputs.difference[c], Beyond::Zero, &mut source[C + c]);
+        }
+        let values = self.problem.guidance.needs_values();
+        let root_alpha = self.plan.alpha.map(f32::sqrt);
+        for half in 0..1usize << D {
+            for (k, coefficients) in source.iter().enumerate() {
+                for slope in 0..=D {
+                    let dst = &mut jets[k * (D + 1) + slope];
+                    dst.resize(n, 0.0);
+                    if slope < D || values {
+                        let slope_axis = (slope < D).then_some(slope);
+                        dispatch(AtPoint {
+                            tile,
+                            half,
+                            slope_axis,
+                            c: coefficients,
+                            stack: &mut scratch.stack,
+                            dst,
+                        });
+                    }
+                }
+            }
+            self.evaluate_points(tile, half, guide, jets, root_alpha);
+            for c in 0..C {
+                for d in 0..D {
+                    let src = &jets[c * (D + 1) + d];
+                    dispatch(FromPoint {
+                        tile,
+                        half,
+                        slope_axis: d,
+                        src,
+                        stack: &mut scratch.stack,
+                        dst: &mut sums[c],
+                    });
+                }
+            }
+        }
+    }
+
+    /// Replaces the background's slopes by `2^-D guide (v - grad c_S)` for one point of every cell.
+    fn evaluate_points(
+        &self,
+        tile: &Tile<D>,
+        half: usize,
+        guide: &[f32],
+        jets: &mut [Vec<f32>],
+        root_alpha: [f32; D],
+    ) {
+        let domain = self.problem.background.domain();
+        let active: Vec<usize> = (0..guide.len()).filter(|k| guide[*k] > 0.0).collect();
+        let position = |k: usize| -> [f32; D] {
+            let mut rest = k;
+            std::array::from_fn(|d| {
+                let i = (self.start[d] + tile.start[d] + rest % tile.extent(d)) as f64
+                    - tile.halo as f64;
+                rest /= tile.extent(d);
+                let quarter = if half >> d & 1 == 0 { -0.25 } else { 0.25 };
+                (f64::from(domain.origin()[d]) + (i + quarter) * f64::from(domain.pitch()[d]))
+                    as f32
+            })
+        };
+        let mut elsewhere = Vec::new();
+        if let Some(moved) = &self.inputs.field {
+            let mut x: Vec<[f32; D]> = active.iter().map(|k| position(*k)).collect();
+            elsewhere = vec![Jet::ZERO; x.len()];
+            moved.jets(&mut x, &mut elsewhere);
+            for jet in &mut elsewhere {
+                (0..C).for_each(|c| (0..D).for_each(|d| jet.grad[c][d] *= self.plan.h_ref));
+            }
+        }
+        for plane in jets.iter_mut() {
+            for (v, g) in plane.iter_mut().zip(guide) {
+                *v = if *g > 0.0 { *v } else { 0.0 };
+            }
+        }
+        let custom = self.problem.guidance.needs_values();
+        for (order, &k) in active.iter().enumerate() {
+            let (mut s, mut t) = (Jet::<D, C>::ZERO, Jet::<D, C>::ZERO);
+            for c in 0..C {
+                let (of_s, of_d) = (c * (D + 1), (C + c) * (D + 1));
+                s.value[c] = jets[of_s + D][k];
+                t.value[c] = s.value[c] + jets[of_d + D][k];
+                for d in 0..D {
+                    s.grad[c][d] = root_alpha[d] * jets[of_s + d][k];
+                    t.grad[c][d] = s.grad[c][d] + root_alpha[d] * jets[of_d + d][k];
+                }
+            }
+            if !elsewhere.is_empty() {
+                t = elsewhere[order];
+            }
+            let x = if custom { position(k) } else { [0.0; D] };
+            let v = self.problem.guidance.evaluate(&x, &s, &t);
+            let weight = guide[k] * 0.5f32.powi(D as i32);
+            for c in 0..C {
+                for d in 0..D {
+                    jets[c * (D + 1) + d][k] = weight * root_alpha[d] * (v[c][d] - s.grad[c][d]);
+                }
+            }
+        }
+    }
+}
+
+/// `sum += scale * B^T weight B c`.
+fn weighted<const D: usize>(
+    tile: &Tile<D>,
+    slope_axis: Option<usize>,
+    scale: f32,
+    c: &[f32],
+    weight: &[f32],
+    scratch: &mut Scratch,
+    sum: &mut Vec<f32>,
+) {
+    scratch.weight.clear();
+    scratch.weight.extend_from_slice(weight);
+    std::mem::swap(&mut scratch.output, sum);
+    dispatch(Weighted { tile, slope_axis, scale, c, scratch });
+    std::mem::swap(&mut scratch.output, sum);
+}
+
+/// Evaluates a spline, or its slope along one axis, at one of the points of every cell.
+struct AtPoint<'a, const D: usize> {
+    tile: &'a Tile<D>,
+    half: usize,
+    slope_axis: Option<usize>,
+    c: &'a [f32],
+    stack: &'a mut Vec<Vec<f32>>,
+    dst: &'a mut [f32],
+}
+
+impl<const D: usize> Kernel for AtPoint<'_, D> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let (points, strides) = (cell_points(), self.tile.strides());
+        self.stack.resize_with(2 * D + 2, Vec::new);
+        for d in (0..D).rev() {
+            let point = &points[self.half >> d & 1];
+            let taps = if self.slope_axis == Some(d) { point.slope } else { point.value };
+            let (head, tail) = self.stack.split_at_mut(d + 1);
+            let src = if d + 1 == D { self.c } else { &tail[0][..] };
+            if d == 0 {
+                gather4(self.dst, src, point.first, strides[d], taps);
+            } else {
+                head[d].resize(self.c.len(), 0.0);
+                gather4(&mut head[d], src, point.first, strides[d], taps);
+            }
+        }
+    }
+}
+
+/// The adjoint of [`AtPoint`] for slopes, added to `dst`.
+struct FromPoint<'a, const D: usize> {
+    tile: &'a Tile<D>,
+    half: usize,
+    slope_axis: usize,
+    src: &'a [f32],
+    stack: &'a mut Vec<Vec<f32>>,
+    dst: &'a mut [f32],
+}
+
+impl<const D: usize> Kernel for FromPoint<'_, D> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let (points, strides) = (cell_points(), self.tile.strides());
+        self.stack.resize_with(2 * D + 2, Vec::new);
+        for d in 0..D {
+            let point = &points[self.half >> d & 1];
+            let taps = if self.slope_axis == d { point.slope } else { point.value };
+            let (head, tail) = self.stack.split_at_mut(d);
+            let src = if d == 0 { self.src } else { &head[d - 1][..] };
+            if d + 1 == D {
+                scatter4(self.dst, src, point.first, strides[d], taps, true);
+            } else {
+                tail[0].resize(self.src.len(), 0.0);
+                scatter4(&mut tail[0], src, point.first, strides[d], taps, false);
+            }
+        }
+    }
+}

@@ -1,0 +1,308 @@
+//! The quadratic form of the objective in spline coefficients, as matrix-free passes over tiles.
+//!
+//! `A c = sum_d alpha_d B_d^T gamma B_d c + B^T s B c`, the mean over two points per knot interval
+//! and axis (at 1/4 and 3/4): `B` evaluates the spline there, `B_d` its derivative along axis
+//! `d`; `gamma` and `s` are constant on sample cells. Where they are constant on a neighbourhood
+//! the products collapse to 7-tap factors per axis.
+
+use inr_core::cpu::{Kernel, dispatch};
+use inr_core::{cubic_weights, cubic_weights_d1};
+use rayon::prelude::*;
+
+use crate::tile::{Beyond, Frame, Tile};
+
+/// How far the operator reaches along every axis.
+pub const REACH: usize = 3;
+
+/// Basis values and derivatives at the two points of a sample's cell, at -1/4 and +1/4 of the
+/// sample. Each point sees four coefficients, beginning at `first`.
+pub struct CellPoint {
+    pub first: isize,
+    pub value: [f32; 4],
+    pub slope: [f32; 4],
+}
+
+/// The two points of a cell along one axis.
+pub fn cell_points() -> [CellPoint; 2] {
+    [(-2, 0.75f64), (-1, 0.25)].map(|(first, t)| CellPoint {
+        first,
+        value: cubic_weights(t).map(|v| v as f32),
+        slope: cubic_weights_d1(t).map(|v| v as f32),
+    })
+}
+
+/// Taps at offsets 0..3 of the symmetric factors `M` (values) and `K` (slopes).
+fn factor_taps() -> ([f32; 4], [f32; 4]) {
+    // By symmetry the point at +1/4 alone gives the mean over both.
+    let auto = |w: [f64; 4]| {
+        std::array::from_fn(|j| (0..4 - j).map(|k| w[k] * w[k + j]).sum::<f64>() as f32)
+    };
+    // The two halves together are symmetric in the offset, one half is too: w correlates with itself.
+    (auto(cubic_weights(0.25)), auto(cubic_weights_d1(0.25)))
+}
+
+/// The operator on one frame.
+pub struct SplineOperator<const D: usize> {
+    pub frame: Frame<D>,
+    /// `(h_ref / h_d)^2` per axis.
+    pub alpha: [f32; D],
+    /// Weight of the squared value per cell.
+    pub screening: Vec<f32>,
+    /// Weight of the squared gradient per cell, or empty where it is 1.
+    pub gamma: Vec<f32>,
+}
+
+/// Buffers of one thread.
+#[derive(Default)]
+pub struct Scratch {
+    pub input: Vec<f32>,
+    pub output: Vec<f32>,
+    pub weight: Vec<f32>,
+    pub stack: Vec<Vec<f32>>,
+}
+
+impl<const D: usize> SplineOperator<D> {
+    /// `out = A c`, where `c` is mirrored or zero beyond the frame.
+    pub fn apply(&self, c: &[f32], out: &mut [f32]) {
+        out.par_chunks_mut(self.frame.slab_len()).enumerate().for_each_init(
+            Scratch::default,
+            |scratch, (slab, out)| {
+                for tile in self.frame.tiles(slab, REACH) {
+                    let mut input = std::mem::take(&mut scratch.input);
+                    tile.load(c, Beyond::Zero, &mut input);
+                    self.apply_tile(&tile, &input, scratch);
+                    scratch.input = input;
+                    tile.store(&scratch.output, out);
+                }
+            },
+        );
+    }
+
+    /// `scratch.output = A c` on the core of a tile with halo [`REACH`].
+    pub fn apply_tile(&self, tile: &Tile<D>, c: &[f32], scratch: &mut Scratch) {
+        scratch.output.clear();
+        scratch.output.resize(tile.len(), 0.0);
+        tile.load(&self.screening, Beyond::Edge, &mut scratch.weight);
+        let uniform = uniform_value(&scratch.weight);
+        scratch.stack.resize_with(2 * D + 2, Vec::new);
+        if self.gamma.is_empty() {
+            let (output, stack) = (&mut scratch.output, &mut scratch.stack);
+            let s = uniform.unwrap_or(0.0);
+            dispatch(Uniform { tile, alpha: self.alpha, s, c, output, stack });
+        }
+        if uniform.is_none() || (!self.gamma.is_empty() && uniform != Some(0.0)) {
+            dispatch(Weighted { tile, slope_axis: None, scale: 1.0, c, scratch });
+        }
+        if !self.gamma.is_empty() {
+            tile.load(&self.gamma, Beyond::Edge, &mut scratch.weight);
+            if uniform_value(&scratch.weight) != Some(0.0) {
+                for d in 0..D {
+                    dispatch(Weighted {
+                        tile,
+                        slope_axis: Some(d),
+                        scale: self.alpha[d],
+                        c,
+                        scratch,
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// The value that all entries share, if they do.
+pub fn uniform_value(values: &[f32]) -> Option<f32> {
+    let first = *values.first()?;
+    let different: u32 = values.iter().map(|v| u32::from(*v != first)).sum();
+    (different == 0).then_some(first)
+}
+
+/// `output = (sum_d alpha_d K_d prod M + s prod M) c`.
+struct Uniform<'a, const D: usize> {
+    tile: &'a Tile<D>,
+    alpha: [f32; D],
+    s: f32,
+    c: &'a [f32],
+    output: &'a mut [f32],
+    stack: &'a mut [Vec<f32>],
+}
+
+impl<const D: usize> Kernel for Uniform<'_, D> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let (n, strides) = (self.tile.len(), self.tile.strides());
+        let (mass, stiff) = factor_taps();
+        // Per axis: m' = M m and k' = M k + alpha K m, from m = c and k = 0.
+        let [m0, k0, m1, k1, ..] = self.stack else { unreachable!("four work buffers") };
+        for buffer in [&mut *m0, &mut *k0, &mut *m1, &mut *k1] {
+            buffer.resize(n, 0.0);
+        }
+        let (mut m, mut k, mut m_next, mut k_next) = (m0, k0, m1, k1);
+        for d in 0..D {
+            let (lo, hi) = (REACH * strides[d], n - REACH * strides[d]);
+            let stiff = stiff.map(|v| v * self.alpha[d]);
+            let (first, last) = (d == 0, d + 1 == D);
+            let source = if first { self.c } else { &m[..] };
+            if last {
+                // The screening joins before the last pass: M k + alpha K m + s M m.
+                let taps: [f32; 4] = std::array::from_fn(|j| stiff[j] + self.s * mass[j]);
+                if first {
+                    symmetric7(&mut self.output[lo..hi], source, lo, strides[d], taps);
+                } else {
+                    symmetric7_pair(
+                        &mut self.output[lo..hi],
+                        source,
+                        taps,
+                        k,
+                        mass,
+                        lo,
+                        strides[d],
+                    );
+                }
+            } else {
+                symmetric7(&mut m_next[lo..hi], source, lo, strides[d], mass);
+                if first {
+                    symmetric7(&mut k_next[lo..hi], source, lo, strides[d], stiff);
+                } else {
+                    symmetric7_pair(&mut k_next[lo..hi], source, stiff, k, mass, lo, strides[d]);
+                }
+                std::mem::swap(&mut m, &mut m_next);
+                std::mem::swap(&mut k, &mut k_next);
+            }
+        }
+    }
+}
+
+/// The seven shifts of a flat buffer that a symmetric stencil along one axis reads.
+#[inline(always)]
+fn shifts7(src: &[f32], lo: usize, n: usize, stride: usize) -> [&[f32]; 7] {
+    std::array::from_fn(|k| &src[lo + k * stride - REACH * stride..][..n])
+}
+
+#[inline(always)]
+fn symmetric7(dst: &mut [f32], src: &[f32], lo: usize, stride: usize, t: [f32; 4]) {
+    let n = dst.len();
+    let [a, b, c, d, e, f, g] = shifts7(src, lo, n, stride);
+    for i in 0..n {
+        dst[i] = t[0] * d[i] + t[1] * (c[i] + e[i]) + t[2] * (b[i] + f[i]) + t[3] * (a[i] + g[i]);
+    }
+}
+
+#[inline(always)]
+fn symmetric7_pair(
+    dst: &mut [f32],
+    x: &[f32],
+    t: [f32; 4],
+    y: &[f32],
+    v: [f32; 4],
+    lo: usize,
+    stride: usize,
+) {
+    let n = dst.len();
+    let [a, b, c, d, e, f, g] = shifts7(x, lo, n, stride);
+    let [h, j, k, l, m, o, p] = shifts7(y, lo, n, stride);
+    for i in 0..n {
+        let x = t[0] * d[i] + t[1] * (c[i] + e[i]) + t[2] * (b[i] + f[i]) + t[3] * (a[i] + g[i]);
+        let y = v[0] * l[i] + v[1] * (k[i] + m[i]) + v[2] * (j[i] + o[i]) + v[3] * (h[i] + p[i]);
+        dst[i] = x + y;
+    }
+}
+
+/// `output += scale * B^T weight B c` with the weight in `scratch.weight`, values or slopes along one axis.
+pub struct Weighted<'a, const D: usize> {
+    pub tile: &'a Tile<D>,
+    pub slope_axis: Option<usize>,
+    pub scale: f32,
+    pub c: &'a [f32],
+    pub scratch: &'a mut Scratch,
+}
+
+impl<const D: usize> Kernel for Weighted<'_, D> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Scratch { output, weight, stack, .. } = self.scratch;
+        // Each axis halves the weight of a point: the form is a mean over the 2^D points of a cell.
+        let scale = self.scale * 0.5f32.powi(D as i32);
+        stack.resize_with(2 * D + 2, Vec::new);
+        nest(self.tile, self.slope_axis, scale, self.c, weight, output, stack);
+    }
+}
+
+/// Runs over the `2^D` points of a cell like a counter: an axis is interpolated again only when
+/// its digit (or one above) has changed, and spread back once all digits below it are done.
+#[inline(always)]
+fn nest<const D: usize>(
+    tile: &Tile<D>,
+    slope_axis: Option<usize>,
+    scale: f32,
+    c: &[f32],
+    weight: &[f32],
+    output: &mut [f32],
+    stack: &mut [Vec<f32>],
+) {
+    let points = cell_points();
+    let (n, strides) = (tile.len(), tile.strides());
+    let (forward, backward) = stack.split_at_mut(D);
+    for buffer in forward.iter_mut().chain(backward.iter_mut()) {
+        buffer.resize(n, 0.0);
+    }
+    for half in 0..1usize << D {
+        let digit = |d: usize| half >> d & 1;
+        let taps = |d: usize| {
+            let point = &points[digit(d)];
+            (point.first, if slope_axis == Some(d) { point.slope } else { point.value })
+        };
+        for d in (0..D).rev().filter(|d| half & ((1 << d) - 1) == 0) {
+            let (first, t) = taps(d);
+            let (head, tail) = forward.split_at_mut(d + 1);
+            let src = if d + 1 == D { c } else { &tail[0][..] };
+            gather4(&mut head[d], src, first, strides[d], t);
+        }
+        for (v, w) in forward[0].iter_mut().zip(weight) {
+            *v *= scale * w;
+        }
+        for d in 0..D {
+            let (first, t) = taps(d);
+            let (head, tail) = backward.split_at_mut(d);
+            let src = if d == 0 { &forward[0][..] } else { &head[d - 1][..] };
+            if d + 1 == D {
+                scatter4(output, src, first, strides[d], t, true);
+            } else {
+                scatter4(&mut tail[0], src, first, strides[d], t, digit(d) == 1);
+            }
+            if digit(d) == 0 {
+                break;
+            }
+        }
+    }
+}
+
+/// `dst[i] = sum_k t[k] src[i + first + k]` along one axis.
+#[inline(always)]
+pub fn gather4(dst: &mut [f32], src: &[f32], first: isize, stride: usize, t: [f32; 4]) {
+    let n = src.len() - 3 * stride;
+    let dst = &mut dst[first.unsigned_abs() * stride..][..n];
+    let [a, b, c, d]: [&[f32]; 4] = std::array::from_fn(|k| &src[k * stride..][..n]);
+    for i in 0..n {
+        dst[i] = t[0] * a[i] + t[1] * b[i] + t[2] * c[i] + t[3] * d[i];
+    }
+}
+
+/// The adjoint of [`gather4`], replacing `dst` or adding to it.
+#[inline(always)]
+pub fn scatter4(dst: &mut [f32], src: &[f32], first: isize, stride: usize, t: [f32; 4], add: bool) {
+    let n = src.len() - 3 * stride;
+    let dst = &mut dst[(first + 3) as usize * stride..][..n];
+    let [a, b, c, d]: [&[f32]; 4] = std::array::from_fn(|k| &src[(3 - k) * stride..][..n]);
+    if add {
+        for i in 0..n {
+            dst[i] += t[0] * a[i] + t[1] * b[i] + t[2] * c[i] + t[3] * d[i];
+        }
+    } else {
+        for i in 0..n {
+            dst[i] = t[0] * a[i] + t[1] * b[i] + t[2] * c[i] + t[3] * d[i];
+        }
+    }
+}

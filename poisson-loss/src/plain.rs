@@ -1,0 +1,185 @@
+//! Conjugate gradients in spline coefficients, one pass per operation: every option, any
+//! dimension, and the oracle of the fused version.
+
+use rayon::prelude::*;
+
+use crate::cg::System;
+use crate::multigrid::Multigrid;
+use crate::operator::SplineOperator;
+use crate::tile::{Beyond, Frame};
+
+/// Symmetric 5-tap stand-in for `P^-1` along one axis: condition 2.19 against the 5-point
+/// Laplacian, where the exact recursion has 2.24.
+pub const FILTER: [f32; 3] = [1.71229, -0.51891, 0.14280];
+
+/// Samples of one partial sum; fixed, so that dot products do not depend on the threads.
+const CHUNK: usize = 1 << 14;
+
+/// The spline system with vectors of its own.
+pub struct PlainSystem<const D: usize> {
+    pub operator: SplineOperator<D>,
+    pub multigrid: Multigrid<D>,
+    /// Coefficients that may change; empty where all may.
+    pub free: Vec<bool>,
+    pub x: Vec<f32>,
+    pub r: Vec<f32>,
+    p: Vec<f32>,
+    q: Vec<f32>,
+    z: Vec<f32>,
+}
+
+impl<const D: usize> PlainSystem<D> {
+    pub fn new(operator: SplineOperator<D>, multigrid: Multigrid<D>, free: Vec<bool>) -> Self {
+        let n = operator.frame.len();
+        let zeros = || vec![0.0; n];
+        Self {
+            operator,
+            multigrid,
+            free,
+            x: zeros(),
+            r: zeros(),
+            p: zeros(),
+            q: zeros(),
+            z: zeros(),
+        }
+    }
+
+    /// Starts on another right-hand side.
+    pub fn restart(&mut self, residual: Vec<f32>) {
+        self.r = residual;
+        self.x.fill(0.0);
+        self.p.fill(0.0);
+        mask(&self.free, &mut self.r);
+    }
+
+    fn dot(&self, a: &[f32], b: &[f32]) -> f64 {
+        weighted_dot(&self.operator.frame, a, b)
+    }
+}
+
+impl<const D: usize> System for PlainSystem<D> {
+    fn precondition(&mut self) -> f64 {
+        filter(&self.operator.frame, &self.r, &mut self.z, &mut self.q);
+        let finest = &mut self.multigrid.levels[0];
+        std::mem::swap(&mut finest.f, &mut self.z);
+        self.multigrid.cycle(0);
+        std::mem::swap(&mut self.multigrid.levels[0].f, &mut self.z);
+        filter(&self.operator.frame, &self.multigrid.levels[0].u, &mut self.z, &mut self.q);
+        mask(&self.free, &mut self.z);
+        self.dot(&self.r, &self.z)
+    }
+
+    fn direction(&mut self, beta: f32) -> f64 {
+        self.p.par_iter_mut().zip(&self.z).for_each(|(p, z)| *p = z + beta * *p);
+        self.operator.apply(&self.p, &mut self.q);
+        mask(&self.free, &mut self.q);
+        self.dot(&self.p, &self.q)
+    }
+
+    fn advance(&mut self, alpha: f32) {
+        self.x.par_iter_mut().zip(&self.p).for_each(|(x, p)| *x += alpha * p);
+        self.r.par_iter_mut().zip(&self.q).for_each(|(r, q)| *r -= alpha * q);
+    }
+}
+
+/// Zeroes what may not change.
+pub fn mask(free: &[bool], values: &mut [f32]) {
+    if !free.is_empty() {
+        values.par_iter_mut().zip(free).for_each(|(v, f)| *v = if *f { *v } else { 0.0 });
+    }
+}
+
+/// Inner product under which all operators here are symmetric: samples on a mirror border count
+/// half per axis.
+pub fn weighted_dot<const D: usize>(frame: &Frame<D>, a: &[f32], b: &[f32]) -> f64 {
+    let n0 = frame.shape[0];
+    let rows = CHUNK.div_ceil(n0);
+    let partial: Vec<f64> = a
+        .par_chunks(rows * n0)
+        .zip(b.par_chunks(rows * n0))
+        .enumerate()
+        .map(|(chunk, (a, b))| {
+            let row_dot = |(r, (a, b)): (usize, (&[f32], &[f32]))| {
+                row_weight(frame, chunk * rows + r) * line_dot(frame, a, b)
+            };
+            a.chunks_exact(n0).zip(b.chunks_exact(n0)).enumerate().map(row_dot).sum()
+        })
+        .collect();
+    partial.iter().sum()
+}
+
+/// Share of a row's samples that lies inside the signal's border, from the outer axes.
+pub fn row_weight<const D: usize>(frame: &Frame<D>, mut row: usize) -> f64 {
+    let mut weight = 1.0;
+    for d in 1..D {
+        weight *= border_weight(frame, d, row % frame.shape[d]);
+        row /= frame.shape[d];
+    }
+    weight
+}
+
+/// 1/2 on a mirror border, 1 elsewhere. An axis with one sample has no border.
+fn border_weight<const D: usize>(frame: &Frame<D>, d: usize, i: usize) -> f64 {
+    use crate::axis::End::Mirror;
+    let n = frame.shape[d];
+    let half =
+        n > 1 && (i == 0 && frame.ends[d][0] == Mirror || i + 1 == n && frame.ends[d][1] == Mirror);
+    if half { 0.5 } else { 1.0 }
+}
+
+/// The weighted inner product of one row, summed in eight f64 lanes.
+pub fn line_dot<const D: usize>(frame: &Frame<D>, a: &[f32], b: &[f32]) -> f64 {
+    let n = a.len();
+    let product = |i: usize| f64::from(a[i]) * f64::from(b[i]);
+    let mut sum = lanes_dot(a, b);
+    sum -= (1.0 - border_weight(frame, 0, 0)) * product(0);
+    if n > 1 {
+        sum -= (1.0 - border_weight(frame, 0, n - 1)) * product(n - 1);
+    }
+    sum
+}
+
+/// `sum a b` in eight f64 lanes, in a fixed order.
+#[inline(always)]
+pub fn lanes_dot(a: &[f32], b: &[f32]) -> f64 {
+    let mut lanes = [0.0f64; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let tail: f64 =
+        a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
+    for (a, b) in a8.zip(b8) {
+        for k in 0..8 {
+            lanes[k] += f64::from(a[k]) * f64::from(b[k]);
+        }
+    }
+    lanes.iter().sum::<f64>() + tail
+}
+
+/// `dst = F src` along every axis; `spare` is a work vector.
+fn filter<const D: usize>(frame: &Frame<D>, src: &[f32], dst: &mut [f32], spare: &mut Vec<f32>) {
+    spare.resize(src.len(), 0.0);
+    spare.copy_from_slice(src);
+    for axis in 0..D {
+        dst.par_chunks_mut(frame.slab_len()).enumerate().for_each_init(
+            Vec::new,
+            |buffer, (slab, dst)| {
+                for tile in frame.tiles(slab, 2) {
+                    tile.load(spare, Beyond::Zero, buffer);
+                    let stride = tile.strides()[axis];
+                    for (local, global) in tile.core_rows() {
+                        for i in 0..tile.core[0] {
+                            let at = |k: isize| {
+                                buffer[(local + i).wrapping_add_signed(k * stride as isize)]
+                            };
+                            dst[global + i] = FILTER[0] * at(0)
+                                + FILTER[1] * (at(-1) + at(1))
+                                + FILTER[2] * (at(-2) + at(2));
+                        }
+                    }
+                }
+            },
+        );
+        if axis + 1 < D {
+            spare.copy_from_slice(dst);
+        }
+    }
+}

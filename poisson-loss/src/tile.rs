@@ -1,0 +1,224 @@
+//! Pieces of a box, copied with a halo into buffers that stay in cache.
+//!
+//! Inside a piece a shift along an axis is one constant offset in the flat buffer, so every
+//! stencil is a plain loop over a range of it, in any dimension. Entries whose stencil wraps
+//! round the piece's border are meaningless; the halo is wide enough that none reaches the core.
+
+use crate::axis::{End, ghost};
+
+/// Largest core of a piece along the outermost axis and along the others, by dimension.
+const fn core_limit(dimension: usize) -> (usize, [usize; 2]) {
+    match dimension {
+        1 => (4096, [4096, 1]),
+        2 => (64, [512, 64]),
+        3 => (32, [128, 32]),
+        _ => (16, [64, 16]),
+    }
+}
+
+/// A box of samples and what lies beyond its sides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame<const D: usize> {
+    pub shape: [usize; D],
+    pub ends: [[End; 2]; D],
+}
+
+impl<const D: usize> Frame<D> {
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// Samples of one slab: the piece of an array that one task writes.
+    pub fn slab_len(&self) -> usize {
+        self.shape[..D - 1].iter().product::<usize>() * core_limit(D).0
+    }
+
+    /// The tiles of slab number `slab`, with the given halo.
+    pub fn tiles(&self, slab: usize, halo: usize) -> Vec<Tile<D>> {
+        let (thickness, limits) = core_limit(D);
+        let size = |d: usize| match d {
+            _ if d + 1 == D => thickness,
+            0 => limits[0],
+            _ => limits[1],
+        };
+        let mut starts = vec![[0usize; D]];
+        for d in 0..D - 1 {
+            starts = (0..self.shape[d])
+                .step_by(size(d))
+                .flat_map(|s| starts.iter().map(move |t| (s, *t)).collect::<Vec<_>>())
+                .map(|(s, mut t)| {
+                    t[d] = s;
+                    t
+                })
+                .collect();
+        }
+        starts
+            .into_iter()
+            .map(|mut start| {
+                start[D - 1] = slab * thickness;
+                let core = std::array::from_fn(|d| size(d).min(self.shape[d] - start[d]));
+                Tile { frame: *self, start, core, halo }
+            })
+            .collect()
+    }
+}
+
+/// What a buffer holds beyond a [`End::Zero`] side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Beyond {
+    /// The change: zero.
+    Zero,
+    /// Weights of the objective: the value at the side.
+    Edge,
+}
+
+/// One piece: `core` samples from `start` on, and `halo` more on every side.
+#[derive(Debug, Clone, Copy)]
+pub struct Tile<const D: usize> {
+    pub frame: Frame<D>,
+    pub start: [usize; D],
+    pub core: [usize; D],
+    pub halo: usize,
+}
+
+impl<const D: usize> Tile<D> {
+    /// Samples of the buffer along an axis.
+    pub fn extent(&self, d: usize) -> usize {
+        self.core[d] + 2 * self.halo
+    }
+
+    /// Samples of the buffer.
+    pub fn len(&self) -> usize {
+        (0..D).map(|d| self.extent(d)).product()
+    }
+
+    /// Offsets in the buffer of a step along each axis.
+    pub fn strides(&self) -> [usize; D] {
+        let mut strides = [1; D];
+        for d in 1..D {
+            strides[d] = strides[d - 1] * self.extent(d - 1);
+        }
+        strides
+    }
+
+    /// Copies the piece and its halo out of an array over the whole frame.
+    pub fn load(&self, src: &[f32], beyond: Beyond, dst: &mut Vec<f32>) {
+        dst.resize(self.len(), 0.0);
+        self.load_with(src, beyond, dst, |d, v| *d = v);
+    }
+
+    /// Like [`Tile::load`] for `a + scale * b`.
+    pub fn load_sum(&self, a: &[f32], scale: f32, b: &[f32], dst: &mut Vec<f32>) {
+        self.load(a, Beyond::Zero, dst);
+        self.load_with(b, Beyond::Zero, dst, |d, v| *d += scale * v);
+    }
+
+    #[inline(always)]
+    fn load_with(&self, src: &[f32], beyond: Beyond, dst: &mut [f32], put: impl Fn(&mut f32, f32)) {
+        let (e0, n0, h) = (self.extent(0), self.frame.shape[0], self.halo);
+        let inside = |i: isize, d: usize| {
+            let n = self.frame.shape[d];
+            ghost(i, n, self.frame.ends[d])
+                .or_else(|| (beyond == Beyond::Edge).then(|| i.clamp(0, n as isize - 1) as usize))
+        };
+        for (row, dst) in dst.chunks_exact_mut(e0).enumerate() {
+            let (mut rest, mut at, mut stride) = (row, Some(0), n0);
+            for d in 1..D {
+                let i = (self.start[d] + rest % self.extent(d)) as isize - h as isize;
+                rest /= self.extent(d);
+                at = at.zip(inside(i, d)).map(|(at, i)| at + i * stride);
+                stride *= self.frame.shape[d];
+            }
+            let Some(at) = at else {
+                dst.iter_mut().for_each(|v| put(v, 0.0));
+                continue;
+            };
+            let src = &src[at..at + n0];
+            let first = self.start[0] as isize - h as isize;
+            let left = (-first).max(0) as usize;
+            let right = (first + e0 as isize - n0 as isize).max(0) as usize;
+            let (left, right) = (left.min(e0), right.min(e0));
+            for k in (0..left).chain(e0 - right..e0) {
+                put(&mut dst[k], inside(first + k as isize, 0).map_or(0.0, |i| src[i]));
+            }
+            let middle = &mut dst[left..e0 - right];
+            let from = (first + left as isize) as usize;
+            middle.iter_mut().zip(&src[from..]).for_each(|(d, v)| put(d, *v));
+        }
+    }
+
+    /// For every row of the core: its offset in the buffer and in a slab (an array piece that
+    /// begins at the slab's first sample).
+    pub fn core_rows(&self) -> impl Iterator<Item = (usize, usize)> + use<D> {
+        let tile = *self;
+        let strides = tile.strides();
+        let rows: usize = tile.core[1..].iter().product();
+        (0..rows).map(move |row| {
+            let (mut rest, mut local, mut global, mut stride) =
+                (row, tile.halo, tile.start[0], tile.frame.shape[0]);
+            for d in 1..D {
+                let i = rest % tile.core[d];
+                rest /= tile.core[d];
+                local += (i + tile.halo) * strides[d];
+                global += (i + if d + 1 == D { 0 } else { tile.start[d] }) * stride;
+                stride *= tile.frame.shape[d];
+            }
+            (local, if D == 1 { 0 } else { global })
+        })
+    }
+
+    /// Copies the core of a buffer into its place in the slab.
+    pub fn store(&self, src: &[f32], slab: &mut [f32]) {
+        for (local, global) in self.core_rows() {
+            slab[global..global + self.core[0]].copy_from_slice(&src[local..local + self.core[0]]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_cover_the_frame_once_and_halos_match_ghosts() {
+        let frame =
+            Frame { shape: [700, 150], ends: [[End::Mirror, End::Zero], [End::Zero, End::Mirror]] };
+        let src: Vec<f32> = (0..frame.len()).map(|k| k as f32 + 1.0).collect();
+        let mut out = vec![0.0; frame.len()];
+        let len = frame.slab_len();
+        for (slab, piece) in out.chunks_mut(len).enumerate() {
+            for tile in frame.tiles(slab, 3) {
+                let mut buffer = Vec::new();
+                tile.load(&src, Beyond::Zero, &mut buffer);
+                for (k, v) in buffer.iter().enumerate() {
+                    let i = (tile.start[0] + k % tile.extent(0)) as isize - 3;
+                    let j = (tile.start[1] + k / tile.extent(0)) as isize - 3;
+                    let x = ghost(i, 700, frame.ends[0]).zip(ghost(j, 150, frame.ends[1]));
+                    assert_eq!(*v, x.map_or(0.0, |(x, y)| src[y * 700 + x]), "{i} {j}");
+                }
+                tile.store(&buffer, piece);
+            }
+        }
+        assert_eq!(out, src);
+    }
+
+    #[test]
+    fn one_and_three_dimensions() {
+        fn copy<const D: usize>(shape: [usize; D]) {
+            let frame = Frame { shape, ends: [[End::Zero; 2]; D] };
+            let src: Vec<f32> = (0..frame.len()).map(|k| k as f32).collect();
+            let mut out = vec![-1.0; frame.len()];
+            for (slab, piece) in out.chunks_mut(frame.slab_len()).enumerate() {
+                for tile in frame.tiles(slab, 2) {
+                    let mut buffer = Vec::new();
+                    tile.load(&src, Beyond::Zero, &mut buffer);
+                    tile.store(&buffer, piece);
+                }
+            }
+            assert_eq!(out, src);
+        }
+        copy([10_000]);
+        copy([130, 40, 70]);
+        copy([70, 5, 20, 33]);
+    }
+}
