@@ -1,6 +1,7 @@
 //! OpenEXR: any set of channels of the first layer, half, float or unsigned integer.
 
 use std::io::{Cursor, Seek, Write};
+use std::panic::AssertUnwindSafe;
 
 use ::exr::image::write::WritableImage;
 use ::exr::meta::MetaData;
@@ -17,6 +18,15 @@ use crate::plan::Plan;
 use crate::{Image, SampleType, Transfer};
 
 pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
+    // Altered B44 data can make version 1.74 of the exr crate panic (an overflowing subtraction in
+    // builds that check for it). In its own threads that would end the process, so decoding stays
+    // on this one, where a panic can be turned into an error.
+    let decoding = || decode_unguarded(bytes, budget);
+    std::panic::catch_unwind(AssertUnwindSafe(decoding))
+        .unwrap_or_else(|_| Err(Fault::corrupt("the decoder gave up on its data")))
+}
+
+fn decode_unguarded(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
     let meta = MetaData::read_from_buffered(bytes, false).map_err(fault)?;
     for header in &meta.headers {
         check_header(header, bytes.len(), budget)?;
@@ -27,6 +37,7 @@ pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
         .all_channels()
         .first_valid_layer()
         .all_attributes()
+        .non_parallel()
         .from_buffered(Cursor::new(bytes))
         .map_err(fault)?
         .layer_data;

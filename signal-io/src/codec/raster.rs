@@ -42,6 +42,9 @@ pub(super) fn decode(format: Format, bytes: &[u8], budget: &Budget) -> Result<Im
 
 /// Checks the size in the header before the decoder, which allocates rows, sees it.
 fn check_png_header(bytes: &[u8], budget: &Budget) -> Result<(), Fault> {
+    if !bytes.starts_with(b"\x89PNG\r\n\x1a\n") || bytes.get(12..16) != Some(b"IHDR") {
+        return Err(Fault::corrupt("it does not start with signature and header"));
+    }
     let Some(&[w0, w1, w2, w3, h0, h1, h2, h3, depth, kind]) = bytes.get(16..26) else {
         return Err(Fault::cut_short());
     };
