@@ -1,4 +1,77 @@
 //! Reading and writing natural signals in floating point.
+//!
+//! A picture in any of the usual formats becomes an [`Image`]: planes of `f32` with names, and with
+//! what is needed to write it back as it was (number type, encoding, colour profile). Nothing a file
+//! says is believed before it is checked, and a target is replaced completely or not at all.
+//!
+//! ```
+//! use signal_io::{Image, ReadOptions, WriteOptions, check_target, read_image, write_image};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("ramp.png");
+//! check_target(&path, false)?; // Before a long job: extension, folder, existing file.
+//!
+//! let image = Image::new(3, 1, &["Y"], vec![0.0, 0.5, 1.25])?;
+//! let report = write_image(&path, &image, &WriteOptions::default())?;
+//! assert_eq!((report.clipped, report.samples), (1, 3)); // 1.25 became 1.
+//!
+//! let back = read_image(&path, &ReadOptions::default())?;
+//! let samples = back.to_samples::<1>()?; // The type the blending crates work with.
+//! samples.check_finite()?;
+//! assert_eq!(samples.plane(0)[2], 1.0);
+//! assert!((samples.plane(0)[1] - 0.5).abs() < 1e-5); // 16 bits: the default for floats in PNG.
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Formats
+//! | format | extensions | read as | written as | alpha | ICC | [`Transfer`] |
+//! |---|---|---|---|---|---|---|
+//! | PNG | png | 8, 16 bit; palettes and 1, 2, 4 bit expand to 8 | 8, 16 bit | yes | yes | sRGB |
+//! | JPEG | jpg, jpeg | 8 bit; CMYK becomes RGB | 8 bit, quality 95 | no | yes | sRGB |
+//! | TIFF | tif, tiff | 1 to 16 bit, half, float, double | 8, 16 bit, float | yes | yes | sRGB; floats unspecified |
+//! | WebP | webp | 8 bit; grey is RGB | 8 bit, lossless | yes | yes | sRGB |
+//! | GIF | gif | 8 bit, first frame | not | yes | no | sRGB |
+//! | PNM | pbm, pgm, ppm, pnm, pam | up to 16 bit | 8, 16 bit | pam | no | sRGB |
+//! | PFM | pfm | float | float | no | no | linear |
+//! | Radiance | hdr | float | 8 bits and an exponent | no | no | linear |
+//! | OpenEXR | exr | half, float, uint; any channels | half, float; any channels | yes | no | linear |
+//! | npy | npy | bool, u1, u2, f2, f4, f8; (H, W) or (H, W, C), both orders | u1, u2, f2, f4 | 4 channels | no | unspecified |
+//!
+//! *Numbers.* Integers are scaled to [0, 1]; floats stay as they are, be they 443, negative or NaN.
+//! Writing rounds to nearest and clamps to what the number type has; [`WriteReport::clipped`] counts
+//! what that changed. By default the number type is the image's own where the format has it,
+//! otherwise the widest one: 16 bits for floats in PNG, floats for integers in EXR. Asking for what
+//! a format has not is [`Error::CannotHold`].
+//!
+//! *Encoding.* Display formats store sRGB-encoded values, EXR, HDR and PFM light. Writing from one
+//! kind to the other converts the colour channels with the sRGB curve; npy and float TIFF say nothing
+//! about their numbers, so these are neither converted on the way in nor on the way out
+//! ([`Transfer::Unspecified`]); [`ReadOptions::transfer`] tells what they are where that is known.
+//!
+//! *Channels.* `Y` or `R G B`, with `A` for alpha, in display formats; the names of the file in EXR
+//! (layers as `diffuse.R`); `C0 C1 ...` where there are none. Arrays of 3 or 4 channels count as
+//! `R G B` and `R G B A`. Grey is written to HDR and ppm as three equal channels.
+//!
+//! *Orientation.* That of EXIF (JPEG, PNG, WebP), TIFF and Radiance is applied when reading.
+//!
+//! # What is left out
+//! * Profiles are carried, not interpreted: the sRGB curve stands in for the curve of any profile, and
+//!   the primaries of EXR files and the gamma of PNG files are ignored.
+//! * Alpha stays as stored. EXR multiplies it into the colours by custom, PNG does not; going from
+//!   one to the other changes nothing in the numbers.
+//! * Only the first frame of animations, the first page of TIFF, the first layer and the largest
+//!   resolution of EXR are read; the data window's offset is dropped. Deep and subsampled EXR, CMYK,
+//!   palette and YCbCr TIFF are [`Error::UnsupportedFeature`].
+//! * Texts, dates and other metadata are not carried.
+//!
+//! # Safety against files
+//! [`ReadOptions::limit_bytes`] bounds the decoded picture; a header that promises more than the
+//! bytes of the file can hold is [`Error::Corrupt`] before memory is taken (not for WebP, whose
+//! pictures of one colour need no bytes at all; its format ends at 16384 pixels a side). Files that
+//! are cut short are errors, except for bytes after the last pixel: the end chunk of PNG and GIF.
+//! Altered pixels go unnoticed where a format has no checksum; PNG has.
 
 mod atomic;
 mod budget;

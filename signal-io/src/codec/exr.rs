@@ -18,7 +18,7 @@ use crate::plan::Plan;
 use crate::{Image, SampleType, Transfer};
 
 pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
-    // Altered B44 data can make version 1.74 of the exr crate panic (an overflowing subtraction in
+    // Altered data can make version 1.74 of the exr crate panic (B44: an overflowing subtraction in
     // builds that check for it). In its own threads that would end the process, so decoding stays
     // on this one, where a panic can be turned into an error.
     let decoding = || decode_unguarded(bytes, budget);

@@ -180,7 +180,8 @@ fn to_float(pixel: Rgbe, c: usize) -> f32 {
 /// `2^127` on the largest there is.
 fn from_float(rgb: [f32; 3]) -> (Rgbe, usize) {
     const LARGEST: f64 = 255.0 / 256.0 * (1u128 << 127) as f64;
-    let clamped = rgb.map(|v| f64::from(v).max(0.0).min(LARGEST));
+    // Not `clamp`, which would keep NaN; `max` takes the number.
+    let clamped = rgb.map(|v| LARGEST.min(f64::from(v).max(0.0)));
     let clipped = (0..3).filter(|c| f64::from(rgb[*c]) != clamped[*c]).count();
     let largest = clamped.iter().fold(0.0_f64, |a, b| a.max(*b));
     if largest < 2f64.powi(-128) {

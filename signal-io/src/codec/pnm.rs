@@ -216,7 +216,7 @@ pub(super) fn encode(image: &Image, plan: &Plan, w: &mut impl Write) -> Result<u
                 _ => "",
             };
             write!(w, "P7\nWIDTH {width}\nHEIGHT {height}\nDEPTH {channels}\nMAXVAL {max}\n")?;
-            write!(w, "{tuple_type}ENDHDR\n")?;
+            writeln!(w, "{tuple_type}ENDHDR")?;
         }
     }
     match plan.sample {
