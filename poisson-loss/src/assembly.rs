@@ -47,12 +47,12 @@ struct Inputs<'a, const D: usize, const C: usize> {
 }
 
 /// A field moved by an offset.
-struct Moved<'a, const D: usize, const C: usize> {
+pub(crate) struct Moved<'a, const D: usize, const C: usize> {
     field: Source<'a, D, C>,
     offset: [f32; D],
 }
 
-enum Source<'a, const D: usize, const C: usize> {
+pub(crate) enum Source<'a, const D: usize, const C: usize> {
     Owned(Spline<D, C>),
     Borrowed(&'a dyn Field<D, C>),
 }
@@ -65,7 +65,7 @@ impl<const D: usize, const C: usize> Moved<'_, D, C> {
         }
     }
 
-    fn jets(&self, x: &mut [[f32; D]], y: &mut [Jet<D, C>]) {
+    pub(crate) fn jets(&self, x: &mut [[f32; D]], y: &mut [Jet<D, C>]) {
         for x in x.iter_mut() {
             for d in 0..D {
                 x[d] -= self.offset[d];
@@ -224,7 +224,7 @@ fn monochrome_target<const D: usize, const C: usize>(
 
 /// The patch's values on a box of background samples, and the field itself where the box's
 /// lattice does not carry it exactly.
-fn sample_patch<'a, const D: usize, const C: usize>(
+pub(crate) fn sample_patch<'a, const D: usize, const C: usize>(
     problem: &Problem<'a, D, C>,
     start: [usize; D],
     shape: [usize; D],
@@ -278,7 +278,7 @@ fn not_finite(signal: &'static str, error: inr_core::Error) -> Error {
 }
 
 /// Refuses NaN and infinity, naming the background sample.
-fn check<const D: usize>(
+pub(crate) fn check<const D: usize>(
     signal: &'static str,
     planes: &[Vec<f32>],
     shape: [usize; D],

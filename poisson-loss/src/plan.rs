@@ -33,6 +33,8 @@ pub struct Plan<const D: usize> {
     pub guide: Vec<f32>,
     /// Weight of `|c - c_S|^2`.
     pub colour: Vec<f32>,
+    /// What that weight is outside the region before `ramp` and `band`.
+    pub colour_outside: f32,
     /// Weight of `|c - c_T|^2`, times the region weight.
     pub keep: f32,
     /// Weight of the squared gradient, or empty where it is 1.
@@ -88,6 +90,7 @@ impl<const D: usize> Plan<D> {
             h_ref,
             guide: Vec::new(),
             colour: Vec::new(),
+            colour_outside: 0.0,
             keep: 0.0,
             gamma: Vec::new(),
             free: Vec::new(),
@@ -120,13 +123,14 @@ impl<const D: usize> Plan<D> {
         match options.objective {
             Objective::Screened { keep, .. } => {
                 let length = self.length.expect("screened problems have a length");
-                let weight = (self.h_ref / length).powi(2);
-                self.colour = outside.map(|o| weight * o).collect();
+                self.colour_outside = (self.h_ref / length).powi(2);
+                self.colour = outside.map(|o| self.colour_outside * o).collect();
                 self.keep = keep.map_or(0.0, |l| (self.h_ref / l).powi(2));
             }
             Objective::Paper { lambda } => {
                 let weight = f64::from(lambda) * self.measure / (self.total as f64 - self.measure);
-                self.colour = outside.map(|o| weight as f32 * o).collect();
+                self.colour_outside = weight as f32;
+                self.colour = outside.map(|o| self.colour_outside * o).collect();
                 self.gamma = self.region.clone();
             }
             Objective::Dirichlet => {
@@ -140,7 +144,7 @@ impl<const D: usize> Plan<D> {
             let scale = self.length.unwrap_or(self.h_ref);
             for (c, d) in self.colour.iter_mut().zip(distance) {
                 if options.ramp && d.is_finite() {
-                    *c *= (1.0 + d / scale).powi(2);
+                    *c *= ramp(d, scale);
                 }
                 if options.band && d <= BAND.1 * self.h_ref {
                     *c *= BAND.0;
@@ -153,6 +157,11 @@ impl<const D: usize> Plan<D> {
     pub fn screening(&self) -> Vec<f32> {
         self.colour.iter().zip(&self.region).map(|(c, m)| c + self.keep * m).collect()
     }
+}
+
+/// `ramp`: factor of the colour weight at a distance from the region.
+pub fn ramp(distance: f32, scale: f32) -> f32 {
+    (1.0 + distance / scale).powi(2)
 }
 
 /// Largest distance of a region sample to a sample outside, in physical units. Samples beyond the
@@ -171,7 +180,7 @@ fn default_length<const D: usize>(domain: &Domain<D>, support: &Support<D>, h_re
 /// The support widened by `margin`. A side that comes within reach of the signal's border is the
 /// border. Between two free ends the number of intervals is made even, which keeps the finest
 /// multigrid transfer regular.
-fn solved_box<const D: usize>(
+pub(crate) fn solved_box<const D: usize>(
     domain: &Domain<D>,
     support: &Support<D>,
     margin: [usize; D],
