@@ -1,1 +1,46 @@
-//! npsolve.
+//! Problems of any size for the benchmarks: a disc of waves goes into other waves.
+
+use inr_core::{Domain, RasterMask, Samples};
+
+/// A blending problem of `n` by `n` region samples in a background with a margin of `n / 2`.
+pub struct Square {
+    /// The background, `2 n` by `2 n`.
+    pub background: Samples<2, 3>,
+    /// The patch, `n` by `n`.
+    pub patch: Samples<2, 3>,
+    /// The patch's whole rectangle, less its outermost samples as OpenCV needs it.
+    pub mask: RasterMask<2>,
+}
+
+/// Where the patch goes in [`Square`].
+pub fn offset(n: usize) -> [f32; 2] {
+    [(n / 2) as f32; 2]
+}
+
+/// Waves of several lengths with a gradient of brightness, in [0, 1].
+pub fn waves<const C: usize>(shape: [usize; 2], phase: f32) -> Samples<2, C> {
+    let domain = Domain::unit(shape).expect("a positive shape");
+    let scale = 6.0 / shape[0] as f32;
+    Samples::from_fn(domain, |[x, y]| {
+        std::array::from_fn(|c| {
+            let c = c as f32 + phase;
+            let slow = (scale * x + c).sin() + (scale * y * 1.3 - c).cos();
+            let fast = (0.37 * x + 0.21 * y + c).sin() * (0.11 * x - 0.29 * y).cos();
+            0.5 + 0.15 * slow + 0.1 * fast
+        })
+    })
+}
+
+/// The problem that all timings use.
+pub fn square(n: usize) -> Square {
+    let patch = waves([n, n], 0.0);
+    let domain = *patch.domain();
+    let weights = (0..n * n)
+        .map(|k| {
+            let (x, y) = (k % n, k / n);
+            f32::from(x > 0 && y > 0 && x + 1 < n && y + 1 < n)
+        })
+        .collect();
+    let mask = RasterMask::new(domain, weights).expect("weights of 0 and 1");
+    Square { background: waves([2 * n, 2 * n], 1.7), patch, mask }
+}

@@ -3,6 +3,7 @@ use inr_core::Samples;
 use crate::assembly::Initial;
 use crate::axis::Axis;
 use crate::cg::{self, Convergence};
+use crate::fused::FusedSystem;
 use crate::multigrid::Multigrid;
 use crate::operator::SplineOperator;
 use crate::plain::PlainSystem;
@@ -89,25 +90,20 @@ pub fn solve_with_progress<const D: usize, const C: usize>(
         warnings: plan.warnings.clone(),
     };
     let mut samples = problem.background.clone();
-    let mut system = plain_system(&plan);
+    let mut system = Engine::new(&plan);
     let to_box: [isize; D] =
         std::array::from_fn(|d| plan.start[d] as isize - initial.start[d] as isize);
     for c in 0..C {
         let widen = |values: &[f32]| {
             copy_box(values, initial.frame.shape, to_box, plan.frame.shape, |_, _| None)
         };
-        system.restart(widen(&initial.residual[c]));
+        system.restart(&widen(&initial.residual[c]));
         let step = &mut |_: usize, residual: f64| {
             let share = (residual.ln() / f64::from(options.tolerance).ln()).clamp(0.0, 1.0);
             progress((c as f32 + share as f32) / C as f32);
         };
-        let Convergence { iterations, residual, energy, converged } = cg::solve(
-            &mut system,
-            f64::from(options.tolerance),
-            options.max_iterations,
-            FLOOR,
-            step,
-        );
+        let Convergence { iterations, residual, energy, converged } =
+            system.solve(f64::from(options.tolerance), options.max_iterations, FLOOR, step);
         if !converged {
             return Err(Error::NotConverged { iterations, residual });
         }
@@ -115,10 +111,65 @@ pub fn solve_with_progress<const D: usize, const C: usize>(
         report.residual = report.residual.max(residual);
         report.excess += energy / plan.measure;
         let mut change = widen(&initial.change[c]);
-        change.iter_mut().zip(&system.x).for_each(|(e, x)| *e += x);
+        change.iter_mut().zip(system.x()).for_each(|(e, x)| *e += x);
         add_nodal(&plan, &change, samples.plane_mut(c), &problem.background.domain().shape());
     }
     Ok(Blend { samples, report })
+}
+
+/// The fused system where it applies, the plain one elsewhere.
+enum Engine<const D: usize> {
+    Plain(Box<PlainSystem<D>>),
+    Fused(Box<FusedSystem<D>>),
+}
+
+impl<const D: usize> Engine<D> {
+    fn new(plan: &Plan<D>) -> Self {
+        let small = (0..D).all(|d| plan.frame.shape[d] < 8);
+        if !plan.gamma.is_empty() || !plan.free.is_empty() || small {
+            return Self::Plain(Box::new(plain_system(plan)));
+        }
+        let screening = plan.screening();
+        let axes = axes(plan);
+        let multigrid = Multigrid::without_finest(axes, screening.clone());
+        if multigrid.levels.len() < 2 {
+            return Self::Plain(Box::new(plain_system(plan)));
+        }
+        let operator =
+            SplineOperator { frame: plan.frame, alpha: plan.alpha, screening, gamma: Vec::new() };
+        Self::Fused(Box::new(FusedSystem::new(operator, multigrid)))
+    }
+
+    fn restart(&mut self, residual: &[f32]) {
+        match self {
+            Self::Plain(system) => system.restart(residual.to_vec()),
+            Self::Fused(system) => system.restart(|r| r.copy_from_slice(residual)),
+        }
+    }
+
+    fn solve(
+        &mut self,
+        tolerance: f64,
+        most: usize,
+        floor: f64,
+        step: &mut dyn FnMut(usize, f64),
+    ) -> Convergence {
+        match self {
+            Self::Plain(system) => cg::solve(&mut **system, tolerance, most, floor, step),
+            Self::Fused(system) => cg::solve(&mut **system, tolerance, most, floor, step),
+        }
+    }
+
+    fn x(&self) -> &[f32] {
+        match self {
+            Self::Plain(system) => &system.x,
+            Self::Fused(system) => &system.x,
+        }
+    }
+}
+
+fn axes<const D: usize>(plan: &Plan<D>) -> [Axis; D] {
+    std::array::from_fn(|d| Axis::uniform(plan.frame.shape[d], plan.frame.ends[d], plan.alpha[d]))
 }
 
 fn plain_system<const D: usize>(plan: &Plan<D>) -> PlainSystem<D> {

@@ -6,6 +6,7 @@ mod baselines;
 mod cg;
 mod error;
 mod exact;
+mod fused;
 mod guidance;
 mod metrics;
 mod multigrid;

@@ -30,7 +30,7 @@ pub struct Level<const D: usize> {
     pub u: Vec<f32>,
     pub f: Vec<f32>,
     spare: Vec<f32>,
-    to_coarse: Option<[Transfer; D]>,
+    pub to_coarse: Option<[Transfer; D]>,
 }
 
 /// The hierarchy below (and including) its finest level.
@@ -42,7 +42,16 @@ pub struct Multigrid<const D: usize> {
 impl<const D: usize> Multigrid<D> {
     /// Builds all levels from the finest one. `gamma` may be empty (weight 1 everywhere).
     pub fn new(axes: [Axis; D], screening: Vec<f32>, gamma: Vec<f32>) -> Self {
-        let mut levels = vec![Level::new(axes, screening, gamma)];
+        Self::below(Level::new(axes, screening, gamma, true))
+    }
+
+    /// The same without work vectors on the finest level, for a solver that has its own.
+    pub fn without_finest(axes: [Axis; D], screening: Vec<f32>) -> Self {
+        Self::below(Level::new(axes, screening, Vec::new(), false))
+    }
+
+    fn below(finest: Level<D>) -> Self {
+        let mut levels = vec![finest];
         while let Some(coarse) = levels.last_mut().expect("finest level").coarsen() {
             levels.push(coarse);
         }
@@ -87,8 +96,8 @@ pub enum Prolong {
 }
 
 impl<const D: usize> Level<D> {
-    fn new(axes: [Axis; D], screening: Vec<f32>, gamma: Vec<f32>) -> Self {
-        let n = screening.len();
+    fn new(axes: [Axis; D], screening: Vec<f32>, gamma: Vec<f32>, vectors: bool) -> Self {
+        let n = if vectors { screening.len() } else { 0 };
         let mut level = Self {
             axes,
             screening,
@@ -118,8 +127,8 @@ impl<const D: usize> Level<D> {
 
     /// Samples per task: whole rows, fixed by the level's shape alone.
     fn task(&self) -> usize {
-        let n0 = self.axes[0].len();
-        if self.u.len() < PARALLEL_FROM { self.u.len().max(1) } else { TASK.div_ceil(n0) * n0 }
+        let (n, n0) = (self.screening.len(), self.axes[0].len());
+        if n < PARALLEL_FROM { n } else { TASK.div_ceil(n0) * n0 }
     }
 
     /// The next coarser level, or `None` when no axis can be coarsened.
@@ -151,7 +160,7 @@ impl<const D: usize> Level<D> {
             gamma = vec![0.0; n];
             restrict_into(self, &self.gamma, &axes, &mut gamma);
         }
-        Some(Level::new(axes, screening, gamma))
+        Some(Level::new(axes, screening, gamma, true))
     }
 
     /// Coordinates of a row: one index per axis, that of axis 0 being 0.

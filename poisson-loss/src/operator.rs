@@ -80,10 +80,26 @@ impl<const D: usize> SplineOperator<D> {
 
     /// `scratch.output = A c` on the core of a tile with halo [`REACH`].
     pub fn apply_tile(&self, tile: &Tile<D>, c: &[f32], scratch: &mut Scratch) {
-        scratch.output.clear();
-        scratch.output.resize(tile.len(), 0.0);
         tile.load(&self.screening, Beyond::Edge, &mut scratch.weight);
         let uniform = uniform_value(&scratch.weight);
+        self.apply_classified(tile, uniform, c, scratch);
+    }
+
+    /// [`SplineOperator::apply_tile`] for a tile on which the screening is known to be `uniform`.
+    pub fn apply_classified(
+        &self,
+        tile: &Tile<D>,
+        uniform: Option<f32>,
+        c: &[f32],
+        scratch: &mut Scratch,
+    ) {
+        scratch.output.resize(tile.len(), 0.0);
+        if !self.gamma.is_empty() {
+            scratch.output.fill(0.0);
+        }
+        if uniform.is_none() || !self.gamma.is_empty() {
+            tile.load(&self.screening, Beyond::Edge, &mut scratch.weight);
+        }
         scratch.stack.resize_with(2 * D + 2, Vec::new);
         if self.gamma.is_empty() {
             let (output, stack) = (&mut scratch.output, &mut scratch.stack);

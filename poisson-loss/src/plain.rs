@@ -100,7 +100,7 @@ pub fn weighted_dot<const D: usize>(frame: &Frame<D>, a: &[f32], b: &[f32]) -> f
         .enumerate()
         .map(|(chunk, (a, b))| {
             let row_dot = |(r, (a, b)): (usize, (&[f32], &[f32]))| {
-                row_weight(frame, chunk * rows + r) * line_dot(frame, a, b)
+                row_weight(frame, chunk * rows + r) * line_dot(frame, 0, a, b)
             };
             a.chunks_exact(n0).zip(b.chunks_exact(n0)).enumerate().map(row_dot).sum()
         })
@@ -127,16 +127,15 @@ fn border_weight<const D: usize>(frame: &Frame<D>, d: usize, i: usize) -> f64 {
     if half { 0.5 } else { 1.0 }
 }
 
-/// The weighted inner product of one row, summed in eight f64 lanes.
-pub fn line_dot<const D: usize>(frame: &Frame<D>, a: &[f32], b: &[f32]) -> f64 {
+/// The weighted inner product of a piece of a row that begins at sample `start`, summed in eight
+/// f64 lanes.
+#[inline(always)]
+pub fn line_dot<const D: usize>(frame: &Frame<D>, start: usize, a: &[f32], b: &[f32]) -> f64 {
     let n = a.len();
-    let product = |i: usize| f64::from(a[i]) * f64::from(b[i]);
-    let mut sum = lanes_dot(a, b);
-    sum -= (1.0 - border_weight(frame, 0, 0)) * product(0);
-    if n > 1 {
-        sum -= (1.0 - border_weight(frame, 0, n - 1)) * product(n - 1);
-    }
-    sum
+    let border =
+        |i: usize| (1.0 - border_weight(frame, 0, start + i)) * f64::from(a[i]) * f64::from(b[i]);
+    let ends = border(0) + if n > 1 { border(n - 1) } else { 0.0 };
+    lanes_dot(a, b) - ends
 }
 
 /// `sum a b` in eight f64 lanes, in a fixed order.
