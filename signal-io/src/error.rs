@@ -186,6 +186,12 @@ impl Fault {
         Self::Corrupt(reason.into())
     }
 
+    /// What a decoder says it does not support, without saying so twice.
+    pub(crate) fn feature(message: &impl std::fmt::Display) -> Self {
+        let text = message.to_string();
+        Self::Feature(text.trim_end_matches(" is unsupported").to_owned())
+    }
+
     /// A file that ends early.
     pub(crate) fn cut_short() -> Self {
         Self::corrupt("it ends before its data is complete")

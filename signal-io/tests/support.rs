@@ -64,3 +64,20 @@ pub(crate) fn sample_data() -> Option<PathBuf> {
     }
     found
 }
+
+/// DWA stores what it cannot compress, such as noise, without its own structure; a ramp has it.
+pub(crate) fn dwa() -> Vec<u8> {
+    use exr::prelude::*;
+    let ramp = (0..64 * 20).map(|k| f16::from_f32((k % 64) as f32)).collect();
+    let encoding = Encoding {
+        compression: Compression::DWAA(None),
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
+    let list = [AnyChannel::new("R", FlatSamples::F16(ramp))];
+    let channels = AnyChannels::sort(list.into_iter().collect());
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let file = Image::from_encoded_channels((64, 20), encoding, channels);
+    file.write().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}

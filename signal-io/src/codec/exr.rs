@@ -1,5 +1,7 @@
 //! OpenEXR: any set of channels of the first layer, half, float or unsigned integer.
 
+mod dwa;
+
 use std::io::{Cursor, Seek, Write};
 use std::panic::AssertUnwindSafe;
 
@@ -31,6 +33,7 @@ fn decode_unguarded(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
     for header in &meta.headers {
         check_header(header, bytes.len(), budget)?;
     }
+    dwa::check_chunks(bytes, &meta).map_err(fault)?;
     let layer = read()
         .no_deep_data()
         .largest_resolution_level()
@@ -78,9 +81,13 @@ fn check_header(header: &Header, file_bytes: usize, budget: &Budget) -> Result<(
         let chunks = header.chunk_count;
         return Err(Fault::corrupt(format!("{chunks} chunks do not fit into {file_bytes} bytes")));
     }
-    let promised: u64 =
-        channels.iter().map(|c| (size.area() * c.sample_type.bytes_per_sample()) as u64).sum();
-    check_plausible(promised, file_bytes, best_ratio(header.compression))
+    check_plausible(decoded_bytes(header), file_bytes, best_ratio(header.compression))
+}
+
+/// Bytes of all samples of a layer, after its size was checked.
+fn decoded_bytes(header: &Header) -> u64 {
+    let samples = header.layer_size.area() as u64;
+    header.channels.list.iter().map(|c| samples * c.sample_type.bytes_per_sample() as u64).sum()
 }
 
 /// Bytes that one stored byte can stand for, at most; generous where the method has no clear bound.

@@ -122,7 +122,7 @@ fn fault(error: ImageError) -> Fault {
         ImageError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
             Fault::cut_short()
         }
-        ImageError::Unsupported(e) => Fault::Feature(e.to_string()),
+        ImageError::Unsupported(e) => Fault::feature(&e),
         other => Fault::corrupt(other.to_string()),
     }
 }

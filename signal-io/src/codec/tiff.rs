@@ -126,7 +126,7 @@ fn fault(error: TiffError) -> Fault {
         TiffError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
             Fault::cut_short()
         }
-        TiffError::UnsupportedError(e) => Fault::Feature(e.to_string()),
+        TiffError::UnsupportedError(e) => Fault::feature(&e),
         other => Fault::corrupt(other.to_string()),
     }
 }
