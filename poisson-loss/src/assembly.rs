@@ -139,7 +139,7 @@ fn scaled(values: &[f32], weights: &[f32]) -> Vec<f32> {
 }
 
 /// Mean over the region samples that have an axis neighbour outside.
-fn edge_mean<const D: usize>(values: &[f32], region: &[f32], frame: &Frame<D>) -> f32 {
+pub(crate) fn edge_mean<const D: usize>(values: &[f32], region: &[f32], frame: &Frame<D>) -> f32 {
     let (mut sum, mut count, mut stride) = (0.0f64, 0.0f64, 1);
     for d in 0..D {
         for k in stride..values.len() {
@@ -268,7 +268,7 @@ pub(crate) fn sample_patch<'a, const D: usize, const C: usize>(
     Ok((planes, Some(moved)))
 }
 
-fn not_finite(signal: &'static str, error: inr_core::Error) -> Error {
+pub(crate) fn not_finite(signal: &'static str, error: inr_core::Error) -> Error {
     match error {
         inr_core::Error::NotFinite { index, channel, value } => {
             Error::NotFinite { signal, index, channel, value }
