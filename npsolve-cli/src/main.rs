@@ -1,1 +1,55 @@
-fn main() {}
+//! The command line of npsolve: gradient-domain blending of pictures.
+//!
+//! Exit codes: 0 done; 1 a file or its content is wrong, or the work failed; 2 the command line is
+//! wrong.
+
+mod args;
+mod blend;
+mod channels;
+mod console;
+mod files;
+mod inspect;
+mod mask;
+mod progress;
+mod report;
+mod scene;
+mod solve;
+mod values;
+
+use std::process::ExitCode;
+
+use anyhow::{Context, Result};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
+
+use crate::args::{Cli, Command};
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    if let Command::Blend(args) = &cli.command
+        && let Err(message) = args.solve.check(args.objective)
+    {
+        Cli::command().error(ErrorKind::ArgumentConflict, message).exit();
+    }
+    match run(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            console::error(&format!("{error:#}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(cli: &Cli) -> Result<()> {
+    if let Some(threads) = cli.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(usize::from(threads))
+            .build_global()
+            .context("cannot start the threads; choose a smaller --threads")?;
+    }
+    match &cli.command {
+        Command::Blend(args) => blend::run(args, cli.quiet),
+        Command::Compare(_) | Command::Demo(_) => Ok(()),
+        Command::Inspect(args) => inspect::run(args),
+    }
+}

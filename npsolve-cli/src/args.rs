@@ -1,0 +1,304 @@
+//! The command line: every option with its help.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use poisson_loss::{Objective, Options};
+use signal_io::SampleType;
+
+use crate::values::{self, GuidanceName};
+
+/// Blends pictures in the gradient domain: the patch's structure, the background's light.
+#[derive(Debug, Parser)]
+#[command(name = "npsolve", version, propagate_version = true, arg_required_else_help = true)]
+#[command(after_help = "Exit codes: 0 done; 1 a file or its content is wrong, or the work failed; \
+    2 the command line is wrong.\nFirst steps: npsolve demo, then npsolve blend --help.")]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// Threads to use; results never depend on it [default: all cores].
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Print nothing but errors (and what --json asks for).
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Blend a patch into a background.
+    #[command(after_help = "Examples:\n  \
+        npsolve blend beach.jpg bird.png --at 420,60 -o out.png\n  \
+        npsolve blend beach.jpg bird.jpg --mask bird_mask.png --center 500,130 -o out.png\n  \
+        npsolve blend wall.png letters.png --at 20,40 --guidance strongest -o out.png\n  \
+        npsolve blend sky.exr plane.exr --at 649.5,10 --length 4 --keep 12 -o out.exr\n  \
+        npsolve blend sky.png plane.png --mask m.png --at 9,9 -o out.png --metrics out.json")]
+    Blend(BlendArgs),
+    /// Run every solver and baseline on one problem, or on a list of scenes.
+    #[command(after_help = "Examples:\n  \
+        npsolve compare sky.png plane.png --mask plane_mask.png --at 649,10\n  \
+        npsolve compare sky.png plane.png --mask plane_mask.png --at 649,10 -o comparison\n  \
+        npsolve compare sky.png plane.png --at 649,10 --other opencv.png --csv table.csv\n  \
+        npsolve compare --manifest data/manifest.json -o tables")]
+    Compare(CompareArgs),
+    /// Say what is in picture files: size, channels, range; pieces, holes and radius of masks.
+    #[command(after_help = "Examples:\n  \
+        npsolve inspect photo.jpg mask.png\n  \
+        npsolve inspect --json scan.exr")]
+    Inspect(InspectArgs),
+    /// Blend two built-in pictures and say what happened.
+    #[command(after_help = "Examples:\n  \
+        npsolve demo\n  \
+        npsolve demo -o /tmp/npsolve-demo")]
+    Demo(DemoArgs),
+}
+
+/// `npsolve blend`
+#[derive(Debug, Args)]
+pub struct BlendArgs {
+    /// The picture to paste into; the result has its size, channels, alpha, profile and depth.
+    pub background: PathBuf,
+    /// The picture to paste.
+    pub patch: PathBuf,
+    /// The result; the extension says the format: png, jpg, tif, webp, pgm, ppm, pam, pfm, hdr, exr, npy.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub scene: SceneArgs,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub solve: SolveArgs,
+    /// What is minimised: screened (default; free boundary with a length), paper (as published), or
+    /// dirichlet (fixed boundary, classical Poisson editing).
+    #[arg(long, value_enum, default_value = "screened", help_heading = "Blending")]
+    pub objective: ObjectiveName,
+    /// Number type of the result [default: the background's, if the format has it].
+    #[arg(long, value_enum)]
+    pub depth: Option<Depth>,
+    /// Write the metrics to a JSON file.
+    #[arg(long, value_name = "FILE.json")]
+    pub metrics: Option<PathBuf>,
+    /// Print the metrics as JSON instead of the summary.
+    #[arg(long)]
+    pub json: bool,
+    /// Overwrite existing files.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// What is blended where.
+#[derive(Debug, Clone, Default, Args)]
+pub struct SceneArgs {
+    /// Which part of the patch to paste: white yes, black no, grey softly. A picture of the patch's
+    /// size; its alpha where it is not opaque, else its luminance [default: the patch's alpha,
+    /// else the whole patch].
+    #[arg(long, value_name = "MASK", help_heading = "Scene")]
+    pub mask: Option<PathBuf>,
+    /// Where the patch's top-left pixel goes, in pixels of the background; fractions and positions
+    /// outside are fine. Required unless both pictures have one size (then 0,0).
+    #[arg(long, value_name = "X,Y", help_heading = "Scene", allow_hyphen_values = true)]
+    #[arg(value_parser = values::point, conflicts_with = "center")]
+    pub at: Option<[f32; 2]>,
+    /// Where the patch's centre goes: its pixel (width/2, height/2), rounded down. The centre of
+    /// the patch, not of the mask.
+    #[arg(long, value_name = "X,Y", help_heading = "Scene", allow_hyphen_values = true)]
+    #[arg(value_parser = values::point)]
+    pub center: Option<[f32; 2]>,
+    /// Turn RGB pictures into grey (Rec. 709 weights on the values as they are stored).
+    #[arg(long, help_heading = "Scene")]
+    pub gray: bool,
+    /// Blend the values as the background stores them (sRGB in most files), or proportional to light.
+    #[arg(long, value_enum, default_value = "stored", help_heading = "Scene")]
+    pub blend_in: BlendIn,
+}
+
+/// How it is blended.
+#[derive(Debug, Clone, Args)]
+pub struct SolveArgs {
+    /// The gradient to follow inside: patch, strongest (of both; strongest:channel and
+    /// strongest:component decide more finely), sum, mix:MU,PHI (background's and patch's factor),
+    /// monochrome (the patch's luminance).
+    #[arg(long, default_value = "patch", help_heading = "Blending", value_parser = values::guidance)]
+    pub guidance: GuidanceName,
+    /// How far the background may give way, in pixels [default: 0.04 of the region's inradius, at least 2].
+    #[arg(long, value_name = "PX", help_heading = "Blending", allow_hyphen_values = true)]
+    #[arg(value_parser = values::positive)]
+    pub length: Option<f32>,
+    /// Keep the patch's own colours deeper inside than this many pixels [default: do not].
+    #[arg(long, value_name = "PX", help_heading = "Blending", allow_hyphen_values = true)]
+    #[arg(value_parser = values::positive)]
+    pub keep: Option<f32>,
+    /// Colour weight of the paper's objective; useful from 1 to 10 [default: 3].
+    #[arg(long, value_name = "WEIGHT", help_heading = "Blending", allow_hyphen_values = true)]
+    #[arg(value_parser = values::positive)]
+    pub lambda: Option<f32>,
+    /// Let the colour weight grow with the distance from the region: locks the far background.
+    #[arg(long, help_heading = "Blending")]
+    pub ramp: bool,
+    /// Ten times the colour weight next to the region: the background is nearly untouched.
+    #[arg(long, help_heading = "Blending")]
+    pub band: bool,
+    /// Fade the guidance over this many pixels inside the edge: for masks that cut through an object.
+    #[arg(long, value_name = "PX", default_value = "0", help_heading = "Blending")]
+    #[arg(allow_hyphen_values = true, value_parser = values::not_negative)]
+    pub feather: f32,
+    /// Relative residual to stop at [default: 1e-4 for 8-bit results, where less is invisible; else 1e-6].
+    #[arg(long, value_name = "T", help_heading = "Blending", allow_hyphen_values = true)]
+    #[arg(value_parser = values::tolerance)]
+    pub tolerance: Option<f32>,
+}
+
+/// `npsolve compare`
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// The picture to paste into.
+    #[arg(required_unless_present = "manifest")]
+    pub background: Option<PathBuf>,
+    /// The picture to paste.
+    #[arg(required_unless_present = "manifest")]
+    pub patch: Option<PathBuf>,
+    /// Scenes to compare on: a JSON file with a list "blend_2d" of name, background, patch, masks,
+    /// offset and guidance; paths are relative to the file.
+    #[arg(long, value_name = "FILE")]
+    #[arg(conflicts_with_all = ["background", "patch", "mask", "at", "center", "other"])]
+    pub manifest: Option<PathBuf>,
+    /// Folder for the pictures: results, differences and a contact sheet; made if missing.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Other people's results of the same size, as further rows.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    pub other: Vec<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub scene: SceneArgs,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub solve: SolveArgs,
+    /// Print the table as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Write the table to a CSV file.
+    #[arg(long, value_name = "FILE.csv")]
+    pub csv: Option<PathBuf>,
+    /// Overwrite existing files.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// `npsolve inspect`
+#[derive(Debug, Args)]
+pub struct InspectArgs {
+    /// Pictures.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `npsolve demo`
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Folder for the pictures; made if missing, its earlier demo pictures are overwritten.
+    #[arg(short, long, value_name = "DIR", default_value = "npsolve-demo")]
+    pub output: PathBuf,
+}
+
+/// `--objective`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[allow(missing_docs)]
+pub enum ObjectiveName {
+    Screened,
+    Paper,
+    Dirichlet,
+}
+
+/// `--blend-in`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+#[allow(missing_docs)]
+pub enum BlendIn {
+    #[default]
+    Stored,
+    Linear,
+}
+
+/// `--depth`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[allow(missing_docs)]
+pub enum Depth {
+    #[value(name = "8")]
+    Eight,
+    #[value(name = "16")]
+    Sixteen,
+    F16,
+    F32,
+}
+
+impl Depth {
+    /// The number type of the file.
+    pub fn sample_type(self) -> SampleType {
+        match self {
+            Self::Eight => SampleType::U8,
+            Self::Sixteen => SampleType::U16,
+            Self::F16 => SampleType::F16,
+            Self::F32 => SampleType::F32,
+        }
+    }
+}
+
+/// Geometric middle of the paper objective's useful band, 1 to 10.
+pub const DEFAULT_LAMBDA: f32 = 3.0;
+
+impl SolveArgs {
+    /// The solver's options.
+    pub fn options(&self, objective: ObjectiveName, default_tolerance: f32) -> Options {
+        let objective = match objective {
+            ObjectiveName::Screened => Objective::Screened { length: self.length, keep: self.keep },
+            ObjectiveName::Paper => {
+                Objective::Paper { lambda: self.lambda.unwrap_or(DEFAULT_LAMBDA) }
+            }
+            ObjectiveName::Dirichlet => Objective::Dirichlet,
+        };
+        Options {
+            ramp: self.ramp,
+            band: self.band,
+            feather: self.feather,
+            tolerance: self.tolerance.unwrap_or(default_tolerance),
+            ..Options::with_objective(objective)
+        }
+    }
+
+    /// An option that the chosen objective does not have, as a message.
+    pub fn check(&self, objective: ObjectiveName) -> Result<(), String> {
+        let screened = objective == ObjectiveName::Screened;
+        let unused = |option: &str, of: &str| {
+            Err(format!("{option} belongs to --objective {of}; leave one of the two out"))
+        };
+        match self {
+            Self { length: Some(_), .. } if !screened => unused("--length", "screened"),
+            Self { keep: Some(_), .. } if !screened => unused("--keep", "screened"),
+            Self { lambda: Some(_), .. } if objective != ObjectiveName::Paper => {
+                unused("--lambda", "paper")
+            }
+            Self { ramp, band, .. }
+                if (*ramp || *band) && objective == ObjectiveName::Dirichlet =>
+            {
+                unused("--ramp and --band", "screened and paper")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        super::Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,221 @@
+//! The methods that are compared, run on one scene and measured in one operator.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Result, anyhow};
+use inr_core::Samples;
+use poisson_loss::{
+    Baseline, Metrics, Objective, Options, Patch, Problem, Report, measure, solve, solve_baseline,
+};
+use signal_io::Image;
+
+use crate::args::{CompareArgs, DEFAULT_LAMBDA, ObjectiveName};
+use crate::channels::{self, ChannelJob, with_channels};
+use crate::scene::{Scene, samples_of};
+use crate::solve::explain;
+use crate::values::GuidanceName;
+
+/// f32 accuracy: all excesses are measured against our own solution.
+const TOLERANCE: f32 = 1e-6;
+
+/// One scene with everything that is to be compared on it.
+pub struct Case {
+    /// Name in a list of cases; empty when there is one only.
+    pub name: String,
+    /// Pictures, mask and place.
+    pub scene: Scene,
+    /// The gradient to follow.
+    pub guidance: GuidanceName,
+    /// The screened problem in which everything is measured.
+    pub options: Options,
+    keep: Option<f32>,
+    lambda: f32,
+    others: Vec<(PathBuf, Image)>,
+}
+
+/// A method by name.
+#[derive(Debug, Clone)]
+pub struct Method {
+    /// For tables and labels.
+    pub label: String,
+    /// For file names.
+    pub slug: String,
+    kind: Kind,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    Baseline(Baseline),
+    Spline(Options),
+    /// Index of somebody else's picture.
+    Other(usize),
+}
+
+/// What a method did.
+pub struct Row {
+    /// Which one.
+    pub method: Method,
+    /// Time of the solver; none for pictures from elsewhere.
+    pub seconds: Option<f64>,
+    /// What the solver says; none for pictures from elsewhere.
+    pub report: Option<Report>,
+    /// Scores in the screened operator.
+    pub metrics: Option<Metrics>,
+    /// The result, unless it failed.
+    pub planes: Option<Vec<f32>>,
+    /// Why it failed.
+    pub error: Option<String>,
+}
+
+/// The slug of the solution everything is compared with.
+const OURS: &str = "screened";
+
+/// The planes of our own solution.
+pub fn ours(rows: &[Row]) -> Result<&[f32]> {
+    rows.iter()
+        .find(|r| r.method.slug == OURS)
+        .and_then(|r| r.planes.as_deref())
+        .ok_or_else(|| anyhow!("the screened solution is missing from the comparison"))
+}
+
+impl Case {
+    /// A case with the options of the command line.
+    pub fn new(name: String, scene: Scene, args: &CompareArgs) -> Result<Self> {
+        let other = |path: &PathBuf| {
+            Ok((path.clone(), scene.like_background(path, args.scene.gray)?))
+        };
+        let others = args.other.iter().map(other).collect::<Result<_>>()?;
+        let mut options = args.solve.options(ObjectiveName::Screened, TOLERANCE);
+        options.objective = Objective::Screened { length: args.solve.length, keep: None };
+        let (guidance, keep) = (args.solve.guidance, args.solve.keep);
+        let lambda = args.solve.lambda.unwrap_or(DEFAULT_LAMBDA);
+        Ok(Self { name, scene, guidance, options, keep, lambda, others })
+    }
+
+    /// All methods in the order of the table.
+    pub fn methods(&self) -> Vec<Method> {
+        let lambda = self.lambda;
+        let method =
+            |label: &str, slug: &str, kind| Method { label: label.into(), slug: slug.into(), kind };
+        let spline = |objective| Kind::Spline(Options { objective, ..self.options });
+        let mut all = vec![
+            method("copy and paste", "paste", Kind::Baseline(Baseline::Paste)),
+            method("PIE on links", "pie", Kind::Baseline(Baseline::Pie)),
+            method("Neumann (DCT)", "neumann", Kind::Baseline(Baseline::Neumann)),
+            method("paper on links", "paper-links", {
+                Kind::Baseline(Baseline::PaperLinks { lambda })
+            }),
+            method("paper, spline", "paper-spline", spline(Objective::Paper { lambda })),
+            method("Dirichlet, spline", "dirichlet", spline(Objective::Dirichlet)),
+            method("screened (ours)", OURS, Kind::Spline(self.options)),
+        ];
+        if let (Some(keep), Objective::Screened { length, .. }) =
+            (self.keep, self.options.objective)
+        {
+            let objective = Objective::Screened { length, keep: Some(keep) };
+            all.push(method(&format!("screened, keep {keep}"), "keep", spline(objective)));
+        }
+        for (k, (path, _)) in self.others.iter().enumerate() {
+            let slug = format!("other-{}-{}", k + 1, stem(path));
+            all.push(method(&stem(path), &slug, Kind::Other(k)));
+        }
+        all
+    }
+
+    /// Runs and measures all methods. A method that fails becomes a row that says why; without our
+    /// own solution there is nothing to compare with.
+    pub fn run(&self, progress: &mut dyn FnMut(f32)) -> Result<Vec<Row>> {
+        let n = self.scene.channels();
+        with_channels(n, Comparison { case: self, progress }).ok_or_else(|| {
+            let (name, most) = (&self.scene.names[0], channels::MOST);
+            anyhow!("{name} has {n} colour channels; compare works with 1 to {most}, so use blend --metrics")
+        })?
+    }
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+struct Comparison<'a> {
+    case: &'a Case,
+    progress: &'a mut dyn FnMut(f32),
+}
+
+impl ChannelJob for Comparison<'_> {
+    type Output = Result<Vec<Row>>;
+
+    fn run<const C: usize>(self) -> Result<Vec<Row>> {
+        let case = self.case;
+        let scene = &case.scene;
+        let (background, patch) =
+            (samples_of::<C>(&scene.background, 0)?, samples_of::<C>(&scene.patch, 0)?);
+        let region = scene.region();
+        let problem = Problem {
+            background: &background,
+            patch: Patch::Samples { samples: &patch, offset: scene.offset },
+            region: &region,
+            guidance: case.guidance.to_guidance::<C>(),
+            options: case.options,
+        };
+        let exact = solve(&problem).map_err(|e| explain(e, scene))?.samples;
+        let methods = case.methods();
+        let count = methods.len() as f32;
+        let mut rows = Vec::new();
+        for (k, method) in methods.into_iter().enumerate() {
+            (self.progress)(k as f32 / count);
+            let result = case.solve(&problem, &method);
+            rows.push(measured(&problem, method, result, &exact, scene));
+        }
+        Ok(rows)
+    }
+}
+
+/// Samples with the time they took and the solver's report, where there are these.
+type Outcome<const C: usize> = Result<(Samples<2, C>, Option<f64>, Option<Report>)>;
+
+impl Case {
+    fn solve<const C: usize>(&self, problem: &Problem<'_, 2, C>, method: &Method) -> Outcome<C> {
+        let start = Instant::now();
+        let blend = match method.kind {
+            Kind::Other(k) => return Ok((samples_of::<C>(&self.others[k].1, 0)?, None, None)),
+            Kind::Baseline(baseline) => solve_baseline(problem, baseline),
+            Kind::Spline(options) => solve(&Problem { options, ..problem.clone() }),
+        };
+        let blend = blend.map_err(|e| explain(e, &self.scene))?;
+        Ok((blend.samples, Some(start.elapsed().as_secs_f64()), Some(blend.report)))
+    }
+}
+
+fn measured<const C: usize>(
+    problem: &Problem<'_, 2, C>,
+    method: Method,
+    result: Outcome<C>,
+    exact: &Samples<2, C>,
+    scene: &Scene,
+) -> Row {
+    let failed = |method, error: anyhow::Error| Row {
+        method,
+        seconds: None,
+        report: None,
+        metrics: None,
+        planes: None,
+        error: Some(format!("{error:#}")),
+    };
+    let (samples, seconds, report) = match result {
+        Ok(outcome) => outcome,
+        Err(error) => return failed(method, error),
+    };
+    match measure(problem, &samples, Some(exact)) {
+        Err(error) => failed(method, explain(error, scene)),
+        Ok(mut metrics) => {
+            if let (OURS, Some(report)) = (method.slug.as_str(), &report) {
+                // Against itself it would be zero; the solver knows how far it may be off.
+                metrics.excess_energy = Some(report.excess / metrics.objective);
+            }
+            let planes = Some(samples.as_planar().to_vec());
+            Row { method, seconds, report, metrics: Some(metrics), planes, error: None }
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! `npsolve inspect`: what is in picture files.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use inr_core::RasterMask;
+use serde::Serialize;
+use signal_io::{Image, Transfer};
+
+use crate::args::InspectArgs;
+use crate::report::count;
+use crate::{console, files, mask};
+
+/// A plane counts as a mask when at least this share of its values is 0 or 1, and both occur.
+const MASK_SHARE: f64 = 0.9;
+
+/// A picture, described.
+#[derive(Debug, Serialize)]
+struct Description {
+    file: String,
+    width: usize,
+    height: usize,
+    channels: Vec<Channel>,
+    sample_type: &'static str,
+    transfer: &'static str,
+    icc_bytes: Option<usize>,
+    mask: Option<MaskDescription>,
+}
+
+/// One channel. Values that are not finite count only in `not_finite`.
+#[derive(Debug, Serialize)]
+struct Channel {
+    name: String,
+    min: Option<f32>,
+    max: Option<f32>,
+    mean: Option<f64>,
+    not_finite: usize,
+}
+
+/// A picture as a mask.
+#[derive(Debug, Serialize)]
+struct MaskDescription {
+    /// "alpha" or "luminance".
+    of: &'static str,
+    /// Samples of weight 1/2 or more.
+    inside: usize,
+    /// Samples with a weight between 0 and 1.
+    soft: usize,
+    components: usize,
+    holes: usize,
+    /// Largest distance of an inside sample to the outside, in pixels.
+    inradius: Option<f32>,
+    touches_border: bool,
+}
+
+/// Runs the command: all files are tried, the first failure decides the exit code.
+pub fn run(args: &InspectArgs) -> Result<()> {
+    let (mut found, mut failures) = (Vec::new(), Vec::new());
+    for path in &args.files {
+        match files::read_any(path) {
+            Ok(image) => found.push(describe(path, &image)?),
+            Err(error) => failures.push(format!("{error:#}")),
+        }
+    }
+    if args.json {
+        console::print(&files::to_json(&found)?)?;
+    } else {
+        console::print(&found.iter().map(Description::to_text).collect::<String>())?;
+    }
+    match failures.is_empty() {
+        true => Ok(()),
+        false => bail!("{}", failures.join("\nerror: ")),
+    }
+}
+
+fn describe(path: &Path, image: &Image) -> Result<Description> {
+    Ok(Description {
+        file: path.display().to_string(),
+        width: image.width(),
+        height: image.height(),
+        channels: (0..image.channels().len()).map(|c| channel(image, c)).collect(),
+        sample_type: image.sample.name(),
+        transfer: match image.transfer {
+            Transfer::Srgb => "sRGB",
+            Transfer::Linear => "linear",
+            Transfer::Unspecified => "unspecified",
+        },
+        icc_bytes: image.icc.as_ref().map(Vec::len),
+        mask: describe_mask(path, image)?,
+    })
+}
+
+fn channel(image: &Image, c: usize) -> Channel {
+    let finite = || image.plane(c).iter().copied().filter(|v| v.is_finite());
+    let n = finite().count();
+    Channel {
+        name: image.channels()[c].clone(),
+        min: finite().reduce(f32::min),
+        max: finite().reduce(f32::max),
+        mean: (n > 0).then(|| finite().map(f64::from).sum::<f64>() / n as f64),
+        not_finite: image.pixel_count() - n,
+    }
+}
+
+/// The picture as a mask, if it looks like one.
+fn describe_mask(path: &Path, image: &Image) -> Result<Option<MaskDescription>> {
+    let transparent = image.alpha().is_some_and(|a| a.iter().any(|v| *v != 1.0));
+    if !transparent && !matches!(image.color_count(), 1 | 3) {
+        return Ok(None);
+    }
+    let weights = mask::weights_of(image, &path.display().to_string())?;
+    let hard = weights.iter().filter(|w| **w == 0.0 || **w == 1.0).count();
+    let both = weights.contains(&0.0) && weights.contains(&1.0);
+    let looks_like_one = transparent || (both && hard as f64 >= MASK_SHARE * weights.len() as f64);
+    if !looks_like_one || weights.iter().any(|w| !(0.0..=1.0).contains(w)) {
+        return Ok(None);
+    }
+    let mask = RasterMask::new(image.domain(), weights)?;
+    let radius = mask.inradius(true);
+    Ok(Some(MaskDescription {
+        of: if transparent { "alpha" } else { "luminance" },
+        inside: (0..image.pixel_count()).filter(|k| mask.is_inside(*k)).count(),
+        soft: mask.weights().iter().filter(|w| **w > 0.0 && **w < 1.0).count(),
+        components: mask.components(),
+        holes: mask.holes(),
+        inradius: radius.is_finite().then_some(radius),
+        touches_border: mask.touches_border(),
+    }))
+}
+
+impl Description {
+    fn to_text(&self) -> String {
+        let mut text = format!(
+            "{}: {} x {} pixels, {}, {}, {}",
+            self.file,
+            self.width,
+            self.height,
+            count(self.channels.len(), "channel"),
+            self.sample_type,
+            self.transfer
+        );
+        match self.icc_bytes {
+            Some(bytes) => text += &format!(", colour profile of {bytes} bytes\n"),
+            None => text.push('\n'),
+        }
+        for c in &self.channels {
+            let _ = match (c.min, c.max, c.mean) {
+                (Some(min), Some(max), Some(mean)) => {
+                    write!(text, "  {}: {min} to {max}, mean {mean:.4}", c.name)
+                }
+                _ => write!(text, "  {}: no finite value", c.name),
+            };
+            if c.not_finite > 0 {
+                let _ = write!(text, "; {} not finite", count(c.not_finite, "value"));
+            }
+            text.push('\n');
+        }
+        if let Some(mask) = &self.mask {
+            text += &mask.to_text();
+        }
+        text
+    }
+}
+
+impl MaskDescription {
+    fn to_text(&self) -> String {
+        let radius = self.inradius.map_or("no".to_owned(), |r| format!("{r:.1} px"));
+        let border = if self.touches_border { "touches the border" } else { "clear of the border" };
+        format!(
+            "  as a mask ({}): {} inside, {} soft, {}, {}, inradius {radius}, {border}\n",
+            self.of,
+            count(self.inside, "pixel"),
+            self.soft,
+            count(self.components, "component"),
+            count(self.holes, "hole"),
+        )
+    }
+}

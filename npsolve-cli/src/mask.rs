@@ -1,0 +1,67 @@
+//! Masks from pictures.
+
+use anyhow::{Result, bail};
+use inr_core::RasterMask;
+use signal_io::Image;
+
+/// A mask with more than this share of nearly black samples was probably saved with losses.
+const SUSPICIOUS_SHARE: f64 = 0.01;
+
+/// Weights from a picture: its alpha where it is not opaque everywhere, else its luminance as stored.
+pub fn from_image(
+    image: &Image,
+    name: &str,
+    patch: &Image,
+    warnings: &mut Vec<String>,
+) -> Result<RasterMask<2>> {
+    let (w, h) = (image.width(), image.height());
+    if (w, h) != (patch.width(), patch.height()) {
+        bail!(
+            "the mask {name} is {w} x {h} pixels and the patch {} x {}; a mask covers the patch \
+             pixel by pixel, so give it the patch's size",
+            patch.width(),
+            patch.height()
+        );
+    }
+    let weights = weights_of(image, name)?;
+    let faint = weights.iter().filter(|w| **w > 0.0 && **w < 0.1).count();
+    if faint as f64 > SUSPICIOUS_SHARE * weights.len() as f64 {
+        warnings.push(format!(
+            "{faint} samples of the mask {name} are nearly black but not black, and are blended \
+             softly; if it was saved as JPEG, save it as PNG"
+        ));
+    }
+    checked(image, weights, &format!("the mask {name}"))
+}
+
+/// Weights from the patch's own alpha.
+pub fn from_alpha(alpha: Vec<f32>, name: &str, patch: &Image) -> Result<RasterMask<2>> {
+    checked(patch, alpha, &format!("the alpha of {name}"))
+}
+
+/// The mask in a picture, as a plane of weights that may still be out of range.
+pub fn weights_of(image: &Image, name: &str) -> Result<Vec<f32>> {
+    match image.alpha() {
+        Some(alpha) if alpha.iter().any(|a| *a != 1.0) => return Ok(alpha.to_vec()),
+        _ => {}
+    }
+    if !matches!(image.color_count(), 1 | 3) {
+        let n = image.color_count();
+        bail!("the mask {name} has {n} colour channels; use a grey or RGB picture, or alpha");
+    }
+    let gray = image.to_gray()?;
+    // The luminance weights sum to 1 only up to rounding: white would be 1.0000001.
+    let round = |v: &f32| if (*v - 1.0).abs() < 1e-6 { 1.0 } else { *v };
+    Ok(gray.plane(0).iter().map(round).collect())
+}
+
+fn checked(image: &Image, weights: Vec<f32>, what: &str) -> Result<RasterMask<2>> {
+    if let Some(k) = weights.iter().position(|w| !(0.0..=1.0).contains(w)) {
+        let (x, y, value) = (k % image.width(), k / image.width(), weights[k]);
+        bail!("{what} holds {value} at pixel {x},{y}; weights lie between 0 (out) and 1 (in)");
+    }
+    if weights.iter().all(|w| *w == 0.0) {
+        bail!("{what} is empty: no pixel is to be pasted; paint what to paste white");
+    }
+    Ok(RasterMask::new(image.domain(), weights)?)
+}

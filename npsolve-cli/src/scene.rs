@@ -1,0 +1,197 @@
+//! A problem from files: pictures with equal channels, a mask and a place.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use inr_core::{RasterMask, Samples, Translated};
+use signal_io::{Image, Transfer};
+
+use crate::args::{BlendIn, SceneArgs};
+use crate::files;
+use crate::mask;
+
+/// Everything a blend needs, checked: both pictures have the same colour channels in one encoding.
+pub struct Scene {
+    /// The colour channels of the background.
+    pub background: Image,
+    /// The background's alpha, which the result gets.
+    pub alpha: Option<Vec<f32>>,
+    /// The colour channels of the patch.
+    pub patch: Image,
+    /// Which part of the patch takes part, in the patch's own pixels.
+    pub mask: RasterMask<2>,
+    /// Where the patch's first pixel goes.
+    pub offset: [f32; 2],
+    /// The names of both pictures, for messages.
+    pub names: [String; 2],
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+impl Scene {
+    /// Reads the files.
+    pub fn read(background: &Path, patch: &Path, args: &SceneArgs) -> Result<Self> {
+        let names = [background, patch].map(|p| p.display().to_string());
+        let pictures = [files::read(background)?, files::read(patch)?];
+        let mask = match &args.mask {
+            Some(path) => Some((path.display().to_string(), files::read_any(path)?)),
+            None => None,
+        };
+        Self::new(names, pictures, mask, args)
+    }
+
+    /// Matches pictures that are in memory; `names` stand for them in messages.
+    pub fn new(
+        names: [String; 2],
+        [background, patch]: [Image; 2],
+        mask: Option<(String, Image)>,
+        args: &SceneArgs,
+    ) -> Result<Self> {
+        let mut warnings = Vec::new();
+        let (mut background, alpha) = background.split_alpha();
+        let (mut patch, patch_alpha) = patch.split_alpha();
+        if args.gray {
+            background = to_gray(&background, &names[0])?;
+            patch = to_gray(&patch, &names[1])?;
+        }
+        match_transfers(&mut background, &mut patch, args.blend_in, &names, &mut warnings);
+        let patch = match_channels(&background, patch, &names)?;
+        let mask = match (mask, patch_alpha) {
+            (Some((name, image)), _) => mask::from_image(&image, &name, &patch, &mut warnings)?,
+            (None, Some(alpha)) => mask::from_alpha(alpha, &names[1], &patch)?,
+            (None, None) => RasterMask::new(patch.domain(), vec![1.0; patch.pixel_count()])?,
+        };
+        let offset = place(&background, &patch, args, &names)?;
+        Ok(Self { background, alpha, patch, mask, offset, names, warnings })
+    }
+
+    /// Number of colour channels.
+    pub fn channels(&self) -> usize {
+        self.background.channels().len()
+    }
+
+    /// The region in the background's pixels.
+    pub fn region(&self) -> Translated<&RasterMask<2>, 2> {
+        Translated { region: &self.mask, offset: self.offset }
+    }
+
+    /// Somebody else's result with this scene's channels and encoding.
+    pub fn like_background(&self, path: &Path, gray: bool) -> Result<Image> {
+        let name = path.display().to_string();
+        let (mut image, _) = files::read(path)?.split_alpha();
+        let (b, (w, h)) = (&self.background, (image.width(), image.height()));
+        if (w, h) != (b.width(), b.height()) {
+            let (bw, bh) = (b.width(), b.height());
+            bail!("{name} is {w} x {h} pixels; a result has the background's {bw} x {bh}");
+        }
+        if gray {
+            image = to_gray(&image, &name)?;
+        }
+        let image = image.to_transfer(b.transfer);
+        match_channels(b, image, &[self.names[0].clone(), name])
+    }
+
+    /// A picture of the background's kind with these planes and, if wanted, its alpha.
+    pub fn picture(&self, planes: Vec<f32>, with_alpha: bool) -> Result<Image> {
+        let mut image = self.background.clone();
+        image.as_planar_mut().copy_from_slice(&planes);
+        match &self.alpha {
+            Some(alpha) if with_alpha => Ok(image.with_alpha(alpha)?),
+            _ => Ok(image),
+        }
+    }
+}
+
+/// `C` channels of a picture from channel `first` on.
+pub fn samples_of<const C: usize>(image: &Image, first: usize) -> Result<Samples<2, C>> {
+    let n = image.pixel_count();
+    let planes = &image.as_planar()[first * n..(first + C) * n];
+    Ok(Samples::from_planar(image.domain(), planes.to_vec())?)
+}
+
+fn to_gray(image: &Image, name: &str) -> Result<Image> {
+    image.to_gray().with_context(|| {
+        let n = image.channels().len();
+        format!("{name} has {n} colour channels; --gray works on 1 or 3, so leave it out")
+    })
+}
+
+/// Brings both pictures into the encoding to blend in.
+fn match_transfers(
+    background: &mut Image,
+    patch: &mut Image,
+    blend_in: BlendIn,
+    names: &[String; 2],
+    warnings: &mut Vec<String>,
+) {
+    if blend_in == BlendIn::Linear {
+        for (image, name) in [(&mut *background, &names[0]), (&mut *patch, &names[1])] {
+            match image.transfer {
+                Transfer::Unspecified => warnings.push(format!(
+                    "{name} does not say how its values relate to light; they are taken as linear"
+                )),
+                _ => *image = image.to_transfer(Transfer::Linear),
+            }
+        }
+    } else if patch.transfer != background.transfer {
+        // Only the label changes where one of the two is not specified.
+        *patch = patch.to_transfer(background.transfer);
+    }
+}
+
+/// Gives the patch the background's channels.
+fn match_channels(background: &Image, patch: Image, names: &[String; 2]) -> Result<Image> {
+    let wanted: Vec<&str> = background.channels().iter().map(String::as_str).collect();
+    let (b, p) = (wanted.len(), patch.channels().len());
+    if b == p {
+        // Files may order their channels differently; channels without names stay as they are.
+        return Ok(patch.select(&wanted).unwrap_or(patch));
+    }
+    match (b, p) {
+        (3, 1) => Ok(patch.to_rgb()?),
+        (1, 3) => bail!(
+            "{} is grey and {} has 3 colour channels; add --gray to blend its luminance, \
+             or convert the background to RGB",
+            names[0],
+            names[1]
+        ),
+        _ => bail!(
+            "{} has {b} colour channels and {} has {p}; give both the same number",
+            names[0],
+            names[1]
+        ),
+    }
+}
+
+/// The offset of the patch, such that it meets the background.
+fn place(
+    background: &Image,
+    patch: &Image,
+    args: &SceneArgs,
+    names: &[String; 2],
+) -> Result<[f32; 2]> {
+    let (b, p) =
+        ([background.width(), background.height()], [patch.width(), patch.height()]);
+    let sizes = || {
+        let ([bw, bh], [pw, ph]) = (b, p);
+        format!("{} is {bw} x {bh} pixels, {} {pw} x {ph}", names[0], names[1])
+    };
+    let offset = match (args.at, args.center) {
+        (Some(at), _) => at,
+        (None, Some(center)) => std::array::from_fn(|d| center[d] - (p[d] / 2) as f32),
+        (None, None) if b == p => [0.0; 2],
+        (None, None) => bail!("{}: say where the patch goes with --at X,Y or --center X,Y", sizes()),
+    };
+    let meets = (0..2).all(|d| {
+        offset[d] <= b[d] as f32 - 0.5 && offset[d] + p[d] as f32 - 0.5 >= 0.0
+    });
+    if !meets {
+        let [x, y] = offset;
+        bail!(
+            "the patch lies wholly outside the background: {}, and its top-left pixel goes to \
+             {x},{y}; change --at or --center",
+            sizes()
+        );
+    }
+    Ok(offset)
+}
