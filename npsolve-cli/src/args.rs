@@ -11,8 +11,10 @@ use crate::values::{self, GuidanceName};
 /// Blends pictures in the gradient domain: the patch's structure, the background's light.
 #[derive(Debug, Parser)]
 #[command(name = "npsolve", version, propagate_version = true, arg_required_else_help = true)]
-#[command(after_help = "Exit codes: 0 done; 1 a file or its content is wrong, or the work failed; \
-    2 the command line is wrong.\nFirst steps: npsolve demo, then npsolve blend --help.")]
+#[command(
+    after_help = "Exit codes: 0 done; 1 a file or its content is wrong, or the work failed; \
+    2 the command line is wrong.\nFirst steps: npsolve demo, then npsolve blend --help."
+)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]

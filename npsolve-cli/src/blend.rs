@@ -90,7 +90,8 @@ fn all_warnings(scene: &Scene, solution: &Solution, written: &WriteReport) -> Ve
         ));
     }
     if written.format == Format::Jpeg {
-        let what = "JPEG loses detail everywhere, also outside the region; write .png to avoid that";
+        let what =
+            "JPEG loses detail everywhere, also outside the region; write .png to avoid that";
         warnings.push(what.to_owned());
     }
     warnings

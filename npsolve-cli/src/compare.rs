@@ -1,5 +1,6 @@
 //! `npsolve compare`: every solver and baseline on the same problem.
 
+mod canvas;
 mod font;
 mod manifest;
 mod methods;

@@ -74,7 +74,12 @@ pub fn write(path: &Path, image: &Image, options: &WriteOptions) -> Result<Write
 
 /// Writes a text completely or not at all.
 pub fn write_text(path: &Path, text: &str, force: bool) -> Result<()> {
-    signal_io::write_atomic(path, force, |w| w.write_all(text.as_bytes())).map_err(in_our_words)
+    write_bytes(path, text.as_bytes(), force)
+}
+
+/// Writes any content completely or not at all.
+pub fn write_bytes(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
+    signal_io::write_atomic(path, force, |w| w.write_all(bytes)).map_err(in_our_words)
 }
 
 /// Pretty JSON with a final newline; numbers that are not finite become null.
@@ -84,10 +89,8 @@ pub fn to_json(value: &impl Serialize) -> Result<String> {
 
 /// The number type a picture like this gets in a file of this name.
 pub fn stored_type(path: &Path, image: &Image, wanted: Option<SampleType>) -> SampleType {
-    let eight_bits = matches!(
-        Format::from_extension(path),
-        Some(Format::Jpeg | Format::WebP | Format::Gif)
-    );
+    let eight_bits =
+        matches!(Format::from_extension(path), Some(Format::Jpeg | Format::WebP | Format::Gif));
     let integers_only = matches!(Format::from_extension(path), Some(Format::Png | Format::Pnm));
     match wanted {
         Some(sample) => sample,

@@ -6,7 +6,9 @@
 mod args;
 mod blend;
 mod channels;
+mod compare;
 mod console;
+mod demo;
 mod files;
 mod inspect;
 mod mask;
@@ -49,7 +51,8 @@ fn run(cli: &Cli) -> Result<()> {
     }
     match &cli.command {
         Command::Blend(args) => blend::run(args, cli.quiet),
-        Command::Compare(_) | Command::Demo(_) => Ok(()),
+        Command::Compare(args) => compare::run(args, cli.quiet),
         Command::Inspect(args) => inspect::run(args),
+        Command::Demo(args) => demo::run(args, cli.quiet),
     }
 }

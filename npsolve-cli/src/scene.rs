@@ -170,8 +170,7 @@ fn place(
     args: &SceneArgs,
     names: &[String; 2],
 ) -> Result<[f32; 2]> {
-    let (b, p) =
-        ([background.width(), background.height()], [patch.width(), patch.height()]);
+    let (b, p) = ([background.width(), background.height()], [patch.width(), patch.height()]);
     let sizes = || {
         let ([bw, bh], [pw, ph]) = (b, p);
         format!("{} is {bw} x {bh} pixels, {} {pw} x {ph}", names[0], names[1])
@@ -180,11 +179,12 @@ fn place(
         (Some(at), _) => at,
         (None, Some(center)) => std::array::from_fn(|d| center[d] - (p[d] / 2) as f32),
         (None, None) if b == p => [0.0; 2],
-        (None, None) => bail!("{}: say where the patch goes with --at X,Y or --center X,Y", sizes()),
+        (None, None) => {
+            bail!("{}: say where the patch goes with --at X,Y or --center X,Y", sizes())
+        }
     };
-    let meets = (0..2).all(|d| {
-        offset[d] <= b[d] as f32 - 0.5 && offset[d] + p[d] as f32 - 0.5 >= 0.0
-    });
+    let meets =
+        (0..2).all(|d| offset[d] <= b[d] as f32 - 0.5 && offset[d] + p[d] as f32 - 0.5 >= 0.0);
     if !meets {
         let [x, y] = offset;
         bail!(

@@ -52,8 +52,7 @@ pub fn solve_scene(
     let mut parts = Vec::new();
     for first in (0..count).step_by(channels::MOST) {
         let size = channels::MOST.min(count - first);
-        let mut share =
-            |s: f32| progress((first as f32 + s * size as f32) / count as f32);
+        let mut share = |s: f32| progress((first as f32 + s * size as f32) / count as f32);
         let job = Group { scene, settings, first, with_metrics, progress: &mut share };
         let part = with_channels(size, job)
             .ok_or_else(|| anyhow!("{} has no colour channels to blend", scene.names[0]))??;

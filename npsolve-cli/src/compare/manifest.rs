@@ -45,7 +45,8 @@ pub fn run(path: &Path, args: &CompareArgs, quiet: bool) -> Result<()> {
         format!("{} is not a list of scenes; it needs a JSON list \"blend_2d\"", path.display())
     })?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut all = Run { args, folder, tables: Vec::new(), failures: 0, print: !quiet && !args.json };
+    let mut all =
+        Run { args, folder, tables: Vec::new(), failures: 0, print: !quiet && !args.json };
     all.check_targets()?;
     all.say(&header())?;
     for (k, value) in manifest.blend_2d.into_iter().enumerate() {
@@ -111,7 +112,8 @@ impl Run<'_> {
         if entry.guidance.is_empty() {
             return vec![Ok(self.args.solve.guidance)];
         }
-        let parse = |name: &String| GuidanceName::from_manifest(name).map_err(|e| anyhow!("{name}: {e}"));
+        let parse =
+            |name: &String| GuidanceName::from_manifest(name).map_err(|e| anyhow!("{name}: {e}"));
         entry.guidance.iter().map(parse).collect()
     }
 
@@ -127,11 +129,15 @@ impl Run<'_> {
         let scene = Scene::read(&background, &patch, &place)?;
         let mut case = Case::new(name.to_owned(), scene, self.args)?;
         case.guidance = guidance;
+        let file = format!("{name}-{guidance}.png").replace([':', ',', '/', '\\'], "-");
+        let target = self.args.output.as_ref().map(|folder| folder.join(file));
+        if let Some(target) = &target {
+            files::check_picture(target, self.args.force)?;
+        }
         let rows = case.run(&mut |_| {})?;
-        if let Some(output) = &self.args.output {
-            let file = format!("{name}-{guidance}.png").replace([':', ',', '/', '\\'], "-");
+        if let Some(target) = &target {
             let options = WriteOptions { force: self.args.force, ..WriteOptions::default() };
-            files::write(&output.join(file), &sheet::draw(&case, &rows)?, &options)?;
+            files::write(target, &sheet::draw(&case, &rows)?, &options)?;
         }
         Ok(Table::new(&case, &rows))
     }
@@ -176,7 +182,8 @@ fn header() -> String {
 fn one_line(name: &str, table: &Table) -> String {
     let line = |label: &str| table.lines().iter().find(|l| l.solver == label);
     let ours = line(SHOWN[0].0);
-    let number = |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+    let number =
+        |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
     let seams: String = SHOWN
         .iter()
         .map(|(label, _)| format!("{:>8}", number(line(label).and_then(|l| l.seam_rms_levels), 2)))

@@ -82,9 +82,8 @@ pub fn ours(rows: &[Row]) -> Result<&[f32]> {
 impl Case {
     /// A case with the options of the command line.
     pub fn new(name: String, scene: Scene, args: &CompareArgs) -> Result<Self> {
-        let other = |path: &PathBuf| {
-            Ok((path.clone(), scene.like_background(path, args.scene.gray)?))
-        };
+        let other =
+            |path: &PathBuf| Ok((path.clone(), scene.like_background(path, args.scene.gray)?));
         let others = args.other.iter().map(other).collect::<Result<_>>()?;
         let mut options = args.solve.options(ObjectiveName::Screened, TOLERANCE);
         options.objective = Objective::Screened { length: args.solve.length, keep: None };

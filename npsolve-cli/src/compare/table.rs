@@ -127,12 +127,24 @@ impl Table {
         let _ = writeln!(text, "guidance  {}{rule}", self.guidance);
         let _ = writeln!(text, "measured  in one operator for all rows: {}", self.operator);
         let _ = writeln!(text, "objective {}; excess against its exact minimum", self.objective);
-        text += "seam      |grad c - v| near the region's edge, in grey levels of 255 per pixel\n\n";
+        text +=
+            "seam      |grad c - v| near the region's edge, in grey levels of 255 per pixel\n\n";
         let _ = writeln!(
             text,
             "{:<20}{:>8}{:>5}{:>10}{:>10}{:>9}{:>9}{:>11}{:>10}{:>8}{:>8}{:>9}{:>9}",
-            "solver", "seconds", "it", "m1", "m2", "m1 paper", "m2 paper", "objective", "excess",
-            "seam", "max", "PSNR out", "not 0..1"
+            "solver",
+            "seconds",
+            "it",
+            "m1",
+            "m2",
+            "m1 paper",
+            "m2 paper",
+            "objective",
+            "excess",
+            "seam",
+            "max",
+            "PSNR out",
+            "not 0..1"
         );
         self.rows.iter().for_each(|line| text += &line.to_text());
         text
@@ -149,9 +161,7 @@ fn rule_name(rule: Strongest) -> &'static str {
 
 impl Line {
     fn new(row: &Row) -> Self {
-        let finite = |f: fn(&Metrics) -> f64| {
-            row.metrics.as_ref().map(f).filter(|v| v.is_finite())
-        };
+        let finite = |f: fn(&Metrics) -> f64| row.metrics.as_ref().map(f).filter(|v| v.is_finite());
         Self {
             solver: row.method.label.clone(),
             seconds: row.seconds,
@@ -178,9 +188,8 @@ impl Line {
         if let Some(error) = &self.error {
             return format!("{name:<20}failed: {error}\n");
         }
-        let number = |v: Option<f64>, digits: usize| {
-            v.map_or("-".to_owned(), |v| format!("{v:.digits$}"))
-        };
+        let number =
+            |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
         let power = |v: Option<f64>| v.map_or("-".to_owned(), |v| format!("{v:.2e}"));
         let iterations = self.iterations.map_or("-".to_owned(), |n| n.to_string());
         let psnr = self.psnr_outside.map_or("exact".to_owned(), |v| format!("{v:.1}"));
@@ -225,10 +234,11 @@ impl Line {
 
 /// All tables as one CSV file with a header; numbers that do not exist are empty.
 pub fn to_csv(tables: &[&Table]) -> String {
-    let mut text = "case,background,patch,guidance,solver,seconds,iterations,m1,m2,m1_paper,m2_paper,\
+    let mut text =
+        "case,background,patch,guidance,solver,seconds,iterations,m1,m2,m1_paper,m2_paper,\
         objective,excess_energy,seam_rms_levels,seam_max_levels,psnr_outside,outside_unit_range,\
         rmse_to_exact,pde_inside,pde_outside,error\n"
-        .to_owned();
+            .to_owned();
     for table in tables {
         for line in &table.rows {
             let names =
