@@ -1,12 +1,17 @@
 //! The spline system in three passes per iteration over cache-sized tiles, each reading and
 //! writing every vector once. Does what [`PlainSystem`](crate::plain::PlainSystem) does for
-//! problems whose gradient weight is 1 and whose coefficients are all free.
+//! problems of two and more dimensions whose gradient weight is 1 and whose coefficients are all
+//! free.
 //!
 //! The finest multigrid level never exists in memory: its right-hand side `f = F r` and its
 //! smoothed values are local functions of the residual, so a tile recomputes them where needed.
 //! With `g = f / diagonal` the first red-black sweep from zero is `u = g` on red nodes and
 //! `u = g + sum w g_neighbours / diagonal` on black ones, and the residual it leaves is
 //! `sum w u_neighbours` on red nodes and zero on black ones.
+//!
+//! Inside a tile the stages run as a pipeline over the planes of the outermost axis (rows, in two
+//! dimensions): a stage that looks `k` planes ahead follows `k` planes behind, while its input is
+//! still in the first-level cache.
 
 use inr_core::cpu::{Kernel, dispatch};
 use rayon::prelude::*;
@@ -18,10 +23,12 @@ use crate::operator::{REACH, Scratch, SplineOperator, uniform_value};
 use crate::plain::{FILTER, line_dot, row_weight};
 use crate::tile::{Beyond, Tile};
 
-/// Halo of the pass before the coarse correction: filter 2, black 1, residual 1.
-const HALO_DOWN: usize = 4;
-/// Halo of the pass after it: filter 2, black 1, black 1, red 1, filter 2.
-const HALO_UP: usize = 7;
+/// Reach of the filter.
+const F: usize = 2;
+/// Halo of the pass before the coarse correction: filter, black, residual.
+const HALO_DOWN: usize = F + 1 + 1;
+/// Halo of the pass after it: filter, black, black, red, filter.
+const HALO_UP: usize = F + 1 + 1 + 1 + F;
 
 /// The fused system. Vectors change roles instead of being copied.
 pub struct FusedSystem<const D: usize> {
@@ -40,34 +47,23 @@ pub struct FusedSystem<const D: usize> {
     pending_alpha: f32,
 }
 
-/// Buffers of one thread.
-#[derive(Default)]
-struct Buffers {
-    scratch: Scratch,
-    a: Vec<f32>,
-    b: Vec<f32>,
-    c: Vec<f32>,
-    f: Vec<f32>,
-    inverse: Vec<f32>,
-    inverse_black: Vec<f32>,
-    red: Vec<f32>,
-}
-
 impl<const D: usize> FusedSystem<D> {
     /// `operator.gamma` must be empty; `multigrid` may lack the work vectors of its finest level.
     pub fn new(operator: SplineOperator<D>, multigrid: Multigrid<D>) -> Self {
-        assert!(operator.gamma.is_empty(), "the fused system takes a gradient weight of 1");
+        assert!(
+            D >= 2 && operator.gamma.is_empty(),
+            "a gradient weight of 1 in two or more dimensions"
+        );
         let frame = operator.frame;
         let slabs = frame.len().div_ceil(frame.slab_len());
-        let classify = |slab: usize| {
+        let classify = |buffer: &mut Vec<f32>, slab: usize| {
             let class = |tile: Tile<D>| {
-                let mut buffer = Vec::new();
-                tile.load(&operator.screening, Beyond::Edge, &mut buffer);
-                uniform_value(&buffer)
+                tile.load(&operator.screening, Beyond::Edge, buffer);
+                uniform_value(buffer)
             };
             frame.tiles(slab, HALO_UP).into_iter().map(class).collect()
         };
-        let uniform = (0..slabs).into_par_iter().map(classify).collect();
+        let uniform = (0..slabs).into_par_iter().map_init(Vec::new, classify).collect();
         let zeros = || vec![0.0f32; frame.len()];
         Self {
             multigrid,
@@ -92,7 +88,7 @@ impl<const D: usize> FusedSystem<D> {
         fill(&mut self.r);
     }
 
-    /// `x += alpha p`, `r -= alpha q`, and the residual after smoothing from zero.
+    /// `x += alpha p`, `r -= alpha q`, and the nodal residual after smoothing from zero.
     fn pass_down(&mut self) {
         let (frame, alpha) = (self.operator.frame, self.pending_alpha);
         let len = frame.slab_len();
@@ -100,22 +96,21 @@ impl<const D: usize> FusedSystem<D> {
             (&self.r, &self.p, &self.q, &self.operator, &self.uniform);
         let outputs = self.x.par_chunks_mut(len).zip(self.r_or_z.par_chunks_mut(len));
         outputs.zip(self.p_or_nodal.par_chunks_mut(len)).enumerate().for_each_init(
-            Buffers::default,
-            |b, (slab, ((x, r_next), nodal))| {
+            Rings::default,
+            |rings, (slab, ((x, r_next), nodal))| {
                 for (tile, class) in frame.tiles(slab, HALO_DOWN).into_iter().zip(&uniform[slab]) {
-                    tile.load_sum(r, -alpha, q, &mut b.a);
-                    tile.store(&b.a, r_next);
-                    let first = slab * len;
-                    for (_, at) in tile.core_rows() {
-                        let p = &p[first + at..][..tile.core[0]];
-                        x[at..at + tile.core[0]]
-                            .iter_mut()
-                            .zip(p)
-                            .for_each(|(x, p)| *x += alpha * p);
-                    }
-                    smoother_weights(&tile, operator, *class, b);
-                    dispatch(Down { tile: &tile, alpha: operator.alpha, b });
-                    tile.store(&b.c, nodal);
+                    let smoother = Smoother::new(tile, operator, *class, rings);
+                    let p = &p[slab * len..];
+                    dispatch(Down {
+                        smoother,
+                        r,
+                        q,
+                        p,
+                        alpha,
+                        x: &mut *x,
+                        r_next: &mut *r_next,
+                        nodal: &mut *nodal,
+                    });
                 }
             },
         );
@@ -128,23 +123,16 @@ impl<const D: usize> FusedSystem<D> {
         let len = frame.slab_len();
         let (r, correction, operator, uniform) =
             (&self.r, &self.p_or_nodal, &self.operator, &self.uniform);
-        let partial: Vec<f64> = self
-            .r_or_z
-            .par_chunks_mut(len)
-            .enumerate()
-            .map_init(Buffers::default, |b, (slab, z)| {
-                let mut dot = 0.0;
-                for (tile, class) in frame.tiles(slab, HALO_UP).into_iter().zip(&uniform[slab]) {
-                    tile.load(r, Beyond::Zero, &mut b.a);
-                    tile.load(correction, Beyond::Zero, &mut b.scratch.input);
-                    smoother_weights(&tile, operator, *class, b);
-                    dispatch(Up { tile: &tile, alpha: operator.alpha, b });
-                    tile.store(&b.c, z);
-                    dot += core_dot(&tile, &b.a, &b.c);
-                }
-                dot
-            })
-            .collect();
+        let up = |rings: &mut Rings, (slab, z): (usize, &mut [f32])| {
+            let tiles = frame.tiles(slab, HALO_UP).into_iter().zip(&uniform[slab]);
+            let dot = |(tile, class): (Tile<D>, &Option<f32>)| {
+                let smoother = Smoother::new(tile, operator, *class, rings);
+                dispatch(Up { smoother, r: &r[slab * len..], whole_r: r, correction, z: &mut *z })
+            };
+            tiles.map(dot).sum::<f64>()
+        };
+        let slabs = self.r_or_z.par_chunks_mut(len).enumerate();
+        let partial: Vec<f64> = slabs.map_init(Rings::default, up).collect();
         partial.iter().sum()
     }
 }
@@ -171,23 +159,33 @@ impl<const D: usize> System for FusedSystem<D> {
         let frame = self.operator.frame;
         let len = frame.slab_len();
         let (z, p, operator, uniform) = (&self.r_or_z, &self.p, &self.operator, &self.uniform);
-        let partial: Vec<f64> = self
-            .p_or_nodal
-            .par_chunks_mut(len)
-            .zip(self.q.par_chunks_mut(len))
-            .enumerate()
-            .map_init(Buffers::default, |b, (slab, (p_next, q))| {
-                let mut dot = 0.0;
-                for (tile, class) in frame.tiles(slab, REACH).into_iter().zip(&uniform[slab]) {
-                    tile.load_sum(z, beta, p, &mut b.a);
-                    tile.store(&b.a, p_next);
-                    operator.apply_classified(&tile, *class, &b.a, &mut b.scratch);
-                    tile.store(&b.scratch.output, q);
-                    dot += core_dot(&tile, &b.a, &b.scratch.output);
-                }
+        let along = |scratch: &mut Scratch,
+                     (slab, (p_next, q)): (usize, (&mut [f32], &mut [f32]))| {
+            let tiles = frame.tiles(slab, REACH).into_iter().zip(&uniform[slab]);
+            let dot = |(tile, class): (Tile<D>, &Option<f32>)| {
+                let mut buffer = std::mem::take(&mut scratch.input);
+                dispatch(Combine {
+                    tile: &tile,
+                    z,
+                    p,
+                    beta,
+                    buffer: &mut buffer,
+                    p_next: &mut *p_next,
+                });
+                operator.apply_classified(&tile, *class, &buffer, scratch);
+                let dot = dispatch(StoreDot {
+                    tile: &tile,
+                    p: &buffer,
+                    q: &scratch.output,
+                    out: &mut *q,
+                });
+                scratch.input = buffer;
                 dot
-            })
-            .collect();
+            };
+            tiles.map(dot).sum::<f64>()
+        };
+        let outputs = self.p_or_nodal.par_chunks_mut(len).zip(self.q.par_chunks_mut(len));
+        let partial: Vec<f64> = outputs.enumerate().map_init(Scratch::default, along).collect();
         std::mem::swap(&mut self.p, &mut self.p_or_nodal);
         partial.iter().sum()
     }
@@ -198,220 +196,511 @@ impl<const D: usize> System for FusedSystem<D> {
     }
 }
 
-/// Inner product of two buffers over the core of a tile.
-fn core_dot<const D: usize>(tile: &Tile<D>, a: &[f32], b: &[f32]) -> f64 {
-    struct RowDot<'a, const D: usize>(&'a Tile<D>, &'a [f32], &'a [f32]);
-    impl<const D: usize> Kernel for RowDot<'_, D> {
-        type Output = f64;
-        #[inline(always)]
-        fn run(self) -> f64 {
-            let Self(tile, a, b) = self;
-            let n = tile.core[0];
-            let mut sum = 0.0;
-            for (row, (local, _)) in tile.core_rows().enumerate() {
-                let (a, b) = (&a[local..local + n], &b[local..local + n]);
-                sum += tile.row_weight(row) * line_dot(&tile.frame, tile.start[0], a, b);
-            }
-            sum
-        }
-    }
-    dispatch(RowDot(tile, a, b))
+/// The last few planes of a stage. A power of two of them, so that a plane finds its place by masking.
+#[derive(Default)]
+struct Ring {
+    data: Vec<f32>,
+    plane: usize,
+    mask: usize,
 }
 
-impl<const D: usize> Tile<D> {
-    fn row_weight(&self, mut row: usize) -> f64 {
-        let (mut global, mut stride) = (0, 1);
-        for d in 1..D {
-            global += (self.start[d] + row % self.core[d]) * stride;
-            row /= self.core[d];
-            stride *= self.frame.shape[d];
-        }
-        row_weight(&self.frame, global)
+impl Ring {
+    fn reset(&mut self, planes: usize, plane: usize) {
+        self.data.resize(planes * plane, 0.0);
+        (self.plane, self.mask) = (plane, planes - 1);
     }
 
-    /// Zeroes what lies beyond `Zero` sides.
-    fn clear_beyond(&self, values: &mut [f32]) {
-        let strides = self.strides();
-        for d in 0..D {
-            let n = self.frame.shape[d];
-            for k in 0..self.extent(d) {
-                let i = (self.start[d] + k) as isize - self.halo as isize;
-                let beyond = i < 0 && self.frame.ends[d][0] == End::Zero
-                    || i >= n as isize && self.frame.ends[d][1] == End::Zero;
-                if beyond {
-                    let run = strides[d];
-                    let period = run * self.extent(d);
-                    for block in values.chunks_exact_mut(period) {
-                        block[k * run..(k + 1) * run].fill(0.0);
-                    }
-                }
-            }
-        }
+    #[inline(always)]
+    fn at(&self, k: usize) -> &[f32] {
+        &self.data[(k & self.mask) * self.plane..][..self.plane]
+    }
+
+    #[inline(always)]
+    fn at_mut(&mut self, k: usize) -> &mut [f32] {
+        &mut self.data[(k & self.mask) * self.plane..][..self.plane]
     }
 }
 
-/// Fills the inverse diagonal (zero where values are fixed), its black half, and the red mask.
-fn smoother_weights<const D: usize>(
-    tile: &Tile<D>,
-    operator: &SplineOperator<D>,
-    class: Option<f32>,
-    b: &mut Buffers,
-) {
-    let diagonal: f32 = operator.alpha.iter().map(|a| 2.0 * a).sum();
-    let n = tile.len();
-    match class {
-        Some(s) => {
-            b.inverse.clear();
-            b.inverse.resize(n, 1.0 / (diagonal + s));
-        }
-        None => {
-            tile.load(&operator.screening, Beyond::Edge, &mut b.inverse);
-            b.inverse.iter_mut().for_each(|v| *v = 1.0 / (diagonal + *v));
-        }
-    }
-    tile.clear_beyond(&mut b.inverse);
-    b.red.resize(n, 0.0);
-    b.inverse_black.resize(n, 0.0);
-    let e0 = tile.extent(0);
-    let shift: usize = tile.start.iter().sum::<usize>() + D * tile.halo;
-    for row in 0..n / e0 {
-        let (mut rest, mut sum) = (row, shift);
-        for d in 1..D {
-            sum += rest % tile.extent(d);
-            rest /= tile.extent(d);
-        }
-        let at = row * e0;
-        let (red, black) = (&mut b.red[at..at + e0], &mut b.inverse_black[at..at + e0]);
-        let inverse = &b.inverse[at..at + e0];
-        for i in 0..e0 {
-            let is_red = (sum + i) % 2 == 0;
-            red[i] = if is_red { 1.0 } else { 0.0 };
-            black[i] = if is_red { 0.0 } else { inverse[i] };
-        }
-    }
+/// Buffers of one thread, sized so that all live planes of a two-dimensional tile fit the
+/// first-level cache.
+#[derive(Default)]
+struct Rings {
+    /// What is loaded: the residual, later the correction.
+    load: Ring,
+    spare: Ring,
+    /// The filter along all axes but the last, of the residual and of the smoothed values.
+    filtered: Ring,
+    filtered_again: Ring,
+    f: Ring,
+    g: Ring,
+    u: [Ring; 3],
+    inverse: Ring,
+    /// 1 at even columns and 0 at odd ones, then the other way round.
+    checker: [Vec<f32>; 2],
+    zeros: Vec<f32>,
 }
 
-/// Loop bounds of a nearest-neighbour stencil on a flat tile.
-#[inline(always)]
-fn interior<const D: usize>(tile: &Tile<D>) -> (usize, usize) {
-    let reach = tile.strides()[D - 1];
-    (reach, tile.len() - 2 * reach)
-}
-
-/// `sum_d w_d (src[-1] + src[+1])` handed to `put(index, sum)` for the tile's interior.
-#[inline(always)]
-fn neighbour_sums<const D: usize>(
-    tile: &Tile<D>,
+/// The geometry of a tile's pipeline and the smoother's weights on it.
+struct Smoother<'a, const D: usize> {
+    tile: Tile<D>,
+    strides: [usize; D],
     alpha: [f32; D],
-    src: &[f32],
-    mut put: impl FnMut(usize, f32),
-) {
-    let ((lo, n), strides) = (interior(tile), tile.strides());
-    let before: [&[f32]; D] = std::array::from_fn(|d| &src[lo - strides[d]..][..n]);
-    let after: [&[f32]; D] = std::array::from_fn(|d| &src[lo + strides[d]..][..n]);
-    for i in 0..n {
+    diagonal: f32,
+    class: Option<f32>,
+    screening: &'a [f32],
+    rings: &'a mut Rings,
+}
+
+impl<'a, const D: usize> Smoother<'a, D> {
+    fn new(
+        tile: Tile<D>,
+        operator: &'a SplineOperator<D>,
+        class: Option<f32>,
+        rings: &'a mut Rings,
+    ) -> Self {
+        let (e0, strides) = (tile.extent(0), tile.strides());
+        let plane = strides[D - 1];
+        let Rings { load, spare, filtered, filtered_again, f, g, u: [u0, u1, u2], .. } =
+            &mut *rings;
+        for ring in [load, spare, u2] {
+            ring.reset(1, plane);
+        }
+        for ring in [u0, u1, g] {
+            ring.reset(4, plane);
+        }
+        for ring in [filtered, filtered_again, f] {
+            ring.reset(8, plane);
+        }
+        for (k, row) in rings.checker.iter_mut().enumerate() {
+            if row.len() != e0 {
+                *row = (0..e0).map(|i| if (i + k) % 2 == 0 { 1.0 } else { 0.0 }).collect();
+            }
+        }
+        rings.zeros.resize(e0, 0.0);
+        let diagonal: f32 = operator.alpha.iter().map(|a| 2.0 * a).sum();
+        // One row serves a uniform tile; a mixed one is filled plane by plane.
+        match class {
+            None => rings.inverse.reset(8, plane),
+            Some(s) => {
+                rings.inverse.reset(1, e0);
+                rings.inverse.data.fill(1.0 / (diagonal + s));
+                clear_columns_beyond(&tile, &mut rings.inverse.data);
+            }
+        }
+        Self {
+            tile,
+            strides,
+            alpha: operator.alpha,
+            diagonal,
+            class,
+            screening: &operator.screening,
+            rings,
+        }
+    }
+
+    /// Rows of one plane, leaving `reach` at the borders inside it.
+    #[inline(always)]
+    fn rows(&self, reach: usize) -> std::ops::Range<usize> {
+        let e0 = self.tile.extent(0);
+        let skip = if D > 2 { reach * (self.strides[D - 2] / e0) } else { 0 };
+        skip..self.strides[D - 1] / e0 - skip
+    }
+
+    /// Loads a plane of the residual (with `load`), and the inverse diagonal of a mixed tile.
+    #[inline(always)]
+    fn load_plane(&mut self, plane: usize, load: impl Fn(&Tile<D>, usize, &mut [f32])) {
+        let e0 = self.tile.extent(0);
+        let rows = self.rows(0);
+        let first = plane * rows.len();
+        for row in rows {
+            let line = row * e0..(row + 1) * e0;
+            load(&self.tile, first + row, &mut self.rings.load.at_mut(plane)[line.clone()]);
+            if self.class.is_none() {
+                let inverse = &mut self.rings.inverse.at_mut(plane)[line];
+                self.tile.load_row(first + row, self.screening, Beyond::Edge, inverse);
+                for v in inverse.iter_mut() {
+                    *v = 1.0 / (self.diagonal + *v);
+                }
+                clear_columns_beyond(&self.tile, inverse);
+            }
+        }
+    }
+
+    /// The filter along all axes but the last, on one plane: of what is loaded, or of `u[2]`.
+    #[inline(always)]
+    fn filter_in_plane(&mut self, plane: usize, of_u: bool) {
+        let Rings { load, filtered, filtered_again, spare, u: [.., u], .. } = &mut *self.rings;
+        let (src, dst) = if of_u { (u, filtered_again) } else { (load, filtered) };
+        let (src, dst, spare) = (src.at(plane), dst.at_mut(plane), spare.at_mut(plane));
+        for d in 0..D - 1 {
+            // Buffers take turns so that the last of these axes writes `dst`.
+            match (d == 0, (D - 2 - d) % 2 == 0) {
+                (true, true) => filter_axis(dst, src, self.strides[d]),
+                (true, false) => filter_axis(spare, src, self.strides[d]),
+                (false, true) => filter_axis(dst, spare, self.strides[d]),
+                (false, false) => filter_axis(spare, dst, self.strides[d]),
+            }
+        }
+    }
+
+    /// `f` and `g` on one plane, from the filtered residual around it.
+    #[inline(always)]
+    fn right_hand_side(&mut self, plane: usize) {
+        let e0 = self.tile.extent(0);
+        for row in self.rows(0) {
+            let line = row * e0..(row + 1) * e0;
+            let Rings { filtered, f, g, inverse, zeros, .. } = &mut *self.rings;
+            let inverse = inverse_row(&self.tile, self.class, inverse, zeros, plane, row);
+            let [a, b, c, d, e]: [&[f32]; 5] =
+                std::array::from_fn(|k| &filtered.at(plane + k - F)[line.clone()]);
+            let (f, g) = (&mut f.at_mut(plane)[line.clone()], &mut g.at_mut(plane)[line]);
+            for i in 0..e0 {
+                let v = FILTER[0] * c[i] + FILTER[1] * (b[i] + d[i]) + FILTER[2] * (a[i] + e[i]);
+                f[i] = v;
+                g[i] = v * inverse[i];
+            }
+        }
+    }
+
+    /// The first black half sweep on one plane: from `g` into `u[0]`.
+    #[inline(always)]
+    fn first_black(&mut self, plane: usize) {
+        let (e0, n) = (self.tile.extent(0), self.tile.extent(0) - 2);
+        for row in self.rows(1) {
+            let at = row * e0 + 1;
+            let Rings { g, u: [u, ..], inverse, zeros, checker, .. } = &mut *self.rings;
+            let inverse = &inverse_row(&self.tile, self.class, inverse, zeros, plane, row)[1..=n];
+            let black = &checker[1 - red_phase(&self.tile, plane, row)][1..=n];
+            let (centre, out) = (&g.at(plane)[at..at + n], &mut u.at_mut(plane)[at..at + n]);
+            let links = Links::new(g, plane, at, n, self.strides);
+            for i in 0..n {
+                out[i] = centre[i] + black[i] * inverse[i] * links.sum(i, self.alpha);
+            }
+        }
+    }
+}
+
+/// Inverse diagonal of a row: zero where values are fixed.
+#[inline(always)]
+fn inverse_row<'a, const D: usize>(
+    tile: &Tile<D>,
+    class: Option<f32>,
+    inverse: &'a Ring,
+    zeros: &'a [f32],
+    plane: usize,
+    row: usize,
+) -> &'a [f32] {
+    let e0 = tile.extent(0);
+    let rows: usize = (1..D - 1).map(|d| tile.extent(d)).product();
+    if tile.row_is_beyond(plane * rows + row) {
+        &zeros[..e0]
+    } else if class.is_some() {
+        &inverse.data[..e0]
+    } else {
+        &inverse.at(plane)[row * e0..(row + 1) * e0]
+    }
+}
+
+/// Which checker row is 1 on the red nodes of a row: those whose index sum is even.
+#[inline(always)]
+fn red_phase<const D: usize>(tile: &Tile<D>, plane: usize, row: usize) -> usize {
+    let (mut sum, mut rest) = (tile.start.iter().sum::<usize>() + D * tile.halo + plane, row);
+    for d in 1..D - 1 {
+        sum += rest % tile.extent(d);
+        rest /= tile.extent(d);
+    }
+    sum % 2
+}
+
+/// Zeroes the columns of a row beyond `Zero` sides.
+#[inline(always)]
+fn clear_columns_beyond<const D: usize>(tile: &Tile<D>, row: &mut [f32]) {
+    let (halo, n) = (tile.halo as isize, tile.frame.shape[0] as isize);
+    let first = tile.start[0] as isize - halo;
+    if tile.frame.ends[0][0] == End::Zero && first < 0 {
+        row[..(-first) as usize].fill(0.0);
+    }
+    if tile.frame.ends[0][1] == End::Zero && first + row.len() as isize > n {
+        row[(n - first) as usize..].fill(0.0);
+    }
+}
+
+/// The neighbours of `n` entries of a plane, along every axis.
+struct Links<'a, const D: usize> {
+    before: [&'a [f32]; D],
+    after: [&'a [f32]; D],
+}
+
+impl<'a, const D: usize> Links<'a, D> {
+    #[inline(always)]
+    fn new(src: &'a Ring, plane: usize, at: usize, n: usize, strides: [usize; D]) -> Self {
+        let (here, below, above) =
+            (src.at(plane), src.at(plane.wrapping_sub(1)), src.at(plane + 1));
+        let before =
+            |d: usize| if d + 1 == D { &below[at..at + n] } else { &here[at - strides[d]..][..n] };
+        let after =
+            |d: usize| if d + 1 == D { &above[at..at + n] } else { &here[at + strides[d]..][..n] };
+        Self { before: std::array::from_fn(before), after: std::array::from_fn(after) }
+    }
+
+    #[inline(always)]
+    fn sum(&self, i: usize, alpha: [f32; D]) -> f32 {
         let mut sum = 0.0;
         for d in 0..D {
-            sum += alpha[d] * (before[d][i] + after[d][i]);
+            sum += alpha[d] * (self.before[d][i] + self.after[d][i]);
         }
-        put(i, sum);
+        sum
     }
 }
 
-/// `dst = F src` along one axis of a flat tile.
+/// `dst = F src` along one axis of a plane, less the ends of the buffer.
 #[inline(always)]
 fn filter_axis(dst: &mut [f32], src: &[f32], stride: usize) {
-    let n = src.len() - 4 * stride;
+    let n = src.len() - 2 * F * stride;
     let [a, b, c, d, e]: [&[f32]; 5] = std::array::from_fn(|k| &src[k * stride..][..n]);
-    let dst = &mut dst[2 * stride..][..n];
+    let dst = &mut dst[F * stride..][..n];
     for i in 0..n {
         dst[i] = FILTER[0] * c[i] + FILTER[1] * (b[i] + d[i]) + FILTER[2] * (a[i] + e[i]);
     }
 }
 
-/// `dst = F src` along every axis; `spare` is overwritten.
+/// The rows of a tile's core that lie in one plane: row in the plane and place in the slab.
 #[inline(always)]
-fn filter<const D: usize>(tile: &Tile<D>, src: &[f32], dst: &mut Vec<f32>, spare: &mut Vec<f32>) {
-    let strides = tile.strides();
-    dst.resize(src.len(), 0.0);
-    spare.resize(src.len(), 0.0);
-    for d in 0..D {
-        // The last axis writes `dst`; the buffers take turns before.
-        let into_dst = (D - 1 - d) % 2 == 0;
-        match (d, into_dst) {
-            (0, true) => filter_axis(dst, src, strides[0]),
-            (0, false) => filter_axis(spare, src, strides[0]),
-            (_, true) => filter_axis(dst, spare, strides[d]),
-            (_, false) => filter_axis(spare, dst, strides[d]),
-        }
-    }
-}
-
-/// From the residual in `a`: `f`, `g` (in `b`), the first sweep `u` (in `c`).
-#[inline(always)]
-fn smooth_from_zero<const D: usize>(tile: &Tile<D>, alpha: [f32; D], b: &mut Buffers) {
-    filter(tile, &b.a, &mut b.f, &mut b.b);
-    for ((g, f), inverse) in b.b.iter_mut().zip(&b.f).zip(&b.inverse) {
-        *g = f * inverse;
-    }
-    b.c.resize(b.a.len(), 0.0);
-    let (lo, n) = interior(tile);
-    let (u, g, black) = (&mut b.c[lo..lo + n], &b.b[lo..lo + n], &b.inverse_black[lo..lo + n]);
-    neighbour_sums(tile, alpha, &b.b, |i, sum| u[i] = g[i] + black[i] * sum);
+fn core_rows_of<const D: usize>(
+    tile: &Tile<D>,
+    plane: usize,
+) -> impl Iterator<Item = (usize, usize)> + use<D> {
+    let per_plane: usize = tile.core[1..D - 1].iter().product();
+    let e0 = tile.extent(0);
+    let rows: usize = (1..D - 1).map(|d| tile.extent(d)).product();
+    let first = (plane - tile.halo) * per_plane;
+    tile.core_rows().skip(first).take(per_plane).map(move |(local, at)| (local / e0 % rows, at))
 }
 
 struct Down<'a, const D: usize> {
-    tile: &'a Tile<D>,
-    alpha: [f32; D],
-    b: &'a mut Buffers,
+    smoother: Smoother<'a, D>,
+    r: &'a [f32],
+    q: &'a [f32],
+    /// From the slab on.
+    p: &'a [f32],
+    alpha: f32,
+    x: &'a mut [f32],
+    r_next: &'a mut [f32],
+    nodal: &'a mut [f32],
+}
+
+impl<const D: usize> Down<'_, D> {
+    /// Keeps the updated residual and solution of a plane.
+    #[inline(always)]
+    fn store_updates(&mut self, plane: usize) {
+        let tile = self.smoother.tile;
+        let (e0, n0, halo) = (tile.extent(0), tile.core[0], tile.halo);
+        for (row, at) in core_rows_of(&tile, plane) {
+            let residual = &self.smoother.rings.load.at(plane)[row * e0 + halo..][..n0];
+            self.r_next[at..at + n0].copy_from_slice(residual);
+            let (x, p) = (&mut self.x[at..at + n0], &self.p[at..at + n0]);
+            for i in 0..n0 {
+                x[i] += self.alpha * p[i];
+            }
+        }
+    }
+
+    /// Stores the nodal residual of a plane.
+    #[inline(always)]
+    fn store_nodal(&mut self, plane: usize) {
+        let s = &self.smoother;
+        let (tile, n) = (s.tile, s.tile.core[0]);
+        for (row, at) in core_rows_of(&tile, plane) {
+            let red = &s.rings.checker[red_phase(&tile, plane, row)][tile.halo..][..n];
+            let out = &mut self.nodal[at..at + n];
+            let links =
+                Links::new(&s.rings.u[0], plane, row * tile.extent(0) + tile.halo, n, s.strides);
+            for i in 0..n {
+                out[i] = red[i] * links.sum(i, s.alpha);
+            }
+        }
+    }
 }
 
 impl<const D: usize> Kernel for Down<'_, D> {
     type Output = ();
-    /// Leaves the nodal residual in `c`.
     #[inline(always)]
-    fn run(self) {
-        let Self { tile, alpha, b } = self;
-        smooth_from_zero(tile, alpha, b);
-        let (lo, n) = interior(tile);
-        let (out, red) = (&mut b.b[lo..lo + n], &b.red[lo..lo + n]);
-        neighbour_sums(tile, alpha, &b.c, |i, sum| out[i] = red[i] * sum);
-        std::mem::swap(&mut b.b, &mut b.c);
+    fn run(mut self) {
+        let planes = self.smoother.tile.extent(D - 1);
+        let (r, q, alpha) = (self.r, self.q, self.alpha);
+        for step in 0..planes {
+            self.smoother
+                .load_plane(step, |tile, row, line| tile.load_row_sum(row, r, -alpha, q, line));
+            self.smoother.filter_in_plane(step, false);
+            if (HALO_DOWN..planes - HALO_DOWN).contains(&step) {
+                self.store_updates(step);
+            }
+            if step >= 2 * F {
+                self.smoother.right_hand_side(step - F);
+            }
+            if step >= 2 * (F + 1) {
+                self.smoother.first_black(step - F - 1);
+            }
+            if step >= 2 * HALO_DOWN {
+                self.store_nodal(step - HALO_DOWN);
+            }
+        }
     }
 }
 
 struct Up<'a, const D: usize> {
-    tile: &'a Tile<D>,
-    alpha: [f32; D],
-    b: &'a mut Buffers,
+    smoother: Smoother<'a, D>,
+    whole_r: &'a [f32],
+    /// From the slab on.
+    r: &'a [f32],
+    correction: &'a [f32],
+    z: &'a mut [f32],
+}
+
+impl<const D: usize> Up<'_, D> {
+    /// Adds the coarse correction to a plane of `u[0]`.
+    #[inline(always)]
+    fn correct(&mut self, plane: usize) {
+        let s = &mut self.smoother;
+        let e0 = s.tile.extent(0);
+        let first = plane * s.rows(0).len();
+        for row in s.rows(1) {
+            let Rings { u: [u, ..], spare, .. } = &mut *s.rings;
+            let load = &mut spare.at_mut(0)[..e0];
+            s.tile.load_row(first + row, self.correction, Beyond::Zero, load);
+            let u = &mut u.at_mut(plane)[row * e0..(row + 1) * e0];
+            for i in 0..e0 {
+                u[i] += load[i];
+            }
+        }
+    }
+
+    /// A half sweep on one plane, from `u[stage]` into `u[stage + 1]`: black, then red.
+    #[inline(always)]
+    fn half_sweep(&mut self, plane: usize, stage: usize) {
+        let s = &mut self.smoother;
+        let (e0, n) = (s.tile.extent(0), s.tile.extent(0) - 2);
+        for row in s.rows(stage + 2) {
+            let at = row * e0 + 1;
+            let Rings { u, f, inverse, zeros, checker, .. } = &mut *s.rings;
+            let inverse = &inverse_row(&s.tile, s.class, inverse, zeros, plane, row)[1..=n];
+            // 1 on the nodes of the colour that is updated.
+            let active = &checker[red_phase(&s.tile, plane, row) ^ (1 - stage)][1..=n];
+            let (head, tail) = u.split_at_mut(stage + 1);
+            let (u, f) = (&head[stage].at(plane)[at..at + n], &f.at(plane)[at..at + n]);
+            let out = &mut tail[0].at_mut(plane)[at..at + n];
+            let links = Links::new(&head[stage], plane, at, n, s.strides);
+            for i in 0..n {
+                let new = inverse[i] * (f[i] + links.sum(i, s.alpha));
+                out[i] = (1.0 - active[i]) * u[i] + active[i] * new;
+            }
+        }
+    }
+
+    /// `z` and `r . z` on one plane, from the filtered `u[2]` around it.
+    #[inline(always)]
+    fn finish(&mut self, plane: usize) -> f64 {
+        let (s, mut dot) = (&self.smoother, 0.0);
+        let (tile, n) = (s.tile, s.tile.core[0]);
+        for (row, at) in core_rows_of(&tile, plane) {
+            let local = row * tile.extent(0) + tile.halo;
+            let [a, b, c, d, e]: [&[f32]; 5] = std::array::from_fn(|k| {
+                &s.rings.filtered_again.at(plane + k - F)[local..local + n]
+            });
+            let z = &mut self.z[at..at + n];
+            for i in 0..n {
+                z[i] = FILTER[0] * c[i] + FILTER[1] * (b[i] + d[i]) + FILTER[2] * (a[i] + e[i]);
+            }
+            dot += tile.weigh_row(plane * s.strides[D - 1] + local, &self.r[at..at + n], z);
+        }
+        dot
+    }
 }
 
 impl<const D: usize> Kernel for Up<'_, D> {
+    type Output = f64;
+    #[inline(always)]
+    fn run(mut self) -> f64 {
+        let (planes, r, mut dot) = (self.smoother.tile.extent(D - 1), self.whole_r, 0.0);
+        for step in 0..planes {
+            self.smoother
+                .load_plane(step, |tile, row, line| tile.load_row(row, r, Beyond::Zero, line));
+            self.smoother.filter_in_plane(step, false);
+            if step >= 2 * F {
+                self.smoother.right_hand_side(step - F);
+            }
+            if step >= 2 * (F + 1) {
+                self.smoother.first_black(step - F - 1);
+                self.correct(step - F - 1);
+            }
+            if step >= 2 * (F + 2) {
+                self.half_sweep(step - F - 2, 0);
+            }
+            if step >= 2 * (F + 3) {
+                self.half_sweep(step - F - 3, 1);
+                self.smoother.filter_in_plane(step - F - 3, true);
+            }
+            if step >= 2 * HALO_UP {
+                dot += self.finish(step - HALO_UP);
+            }
+        }
+        dot
+    }
+}
+
+/// Loads `z + beta p` and stores its core as the next direction.
+struct Combine<'a, const D: usize> {
+    tile: &'a Tile<D>,
+    z: &'a [f32],
+    p: &'a [f32],
+    beta: f32,
+    buffer: &'a mut Vec<f32>,
+    p_next: &'a mut [f32],
+}
+
+impl<const D: usize> Kernel for Combine<'_, D> {
     type Output = ();
-    /// Leaves `z` in `c`; the coarse correction comes in `scratch.input`.
     #[inline(always)]
     fn run(self) {
-        let Self { tile, alpha, b } = self;
-        smooth_from_zero(tile, alpha, b);
-        for (u, e) in b.c.iter_mut().zip(&b.scratch.input) {
-            *u += e;
+        self.buffer.resize(self.tile.len(), 0.0);
+        for (row, line) in self.buffer.chunks_exact_mut(self.tile.extent(0)).enumerate() {
+            self.tile.load_row_sum(row, self.z, self.beta, self.p, line);
         }
-        let (lo, n) = interior(tile);
-        {
-            let (out, u, f) = (&mut b.b[lo..lo + n], &b.c[lo..lo + n], &b.f[lo..lo + n]);
-            let (red, black) = (&b.red[lo..lo + n], &b.inverse_black[lo..lo + n]);
-            neighbour_sums(tile, alpha, &b.c, |i, sum| {
-                out[i] = red[i] * u[i] + black[i] * (f[i] + sum)
-            });
+        self.tile.store(self.buffer, self.p_next);
+    }
+}
+
+/// Stores `q` and returns `p . q` over the core.
+struct StoreDot<'a, const D: usize> {
+    tile: &'a Tile<D>,
+    p: &'a [f32],
+    q: &'a [f32],
+    out: &'a mut [f32],
+}
+
+impl<const D: usize> Kernel for StoreDot<'_, D> {
+    type Output = f64;
+    #[inline(always)]
+    fn run(self) -> f64 {
+        self.tile.store(self.q, self.out);
+        let n0 = self.tile.core[0];
+        let row = |(local, _)| {
+            self.tile.weigh_row(local, &self.p[local..local + n0], &self.q[local..local + n0])
+        };
+        self.tile.core_rows().map(row).sum()
+    }
+}
+
+impl<const D: usize> Tile<D> {
+    /// The weighted inner product of two core rows that begin at `local` in the buffer.
+    #[inline(always)]
+    fn weigh_row(&self, local: usize, a: &[f32], b: &[f32]) -> f64 {
+        let (mut rest, mut global, mut stride) = (local / self.extent(0), 0, 1);
+        for d in 1..D {
+            global += (self.start[d] + rest % self.extent(d) - self.halo) * stride;
+            rest /= self.extent(d);
+            stride *= self.frame.shape[d];
         }
-        {
-            let (out, u, f) = (&mut b.c[lo..lo + n], &b.b[lo..lo + n], &b.f[lo..lo + n]);
-            let (red, inverse) = (&b.red[lo..lo + n], &b.inverse[lo..lo + n]);
-            neighbour_sums(tile, alpha, &b.b, |i, sum| {
-                out[i] = u[i] + red[i] * (inverse[i] * (f[i] + sum) - u[i]);
-            });
-        }
-        filter(tile, &b.c, &mut b.f, &mut b.b);
-        std::mem::swap(&mut b.f, &mut b.c);
+        row_weight(&self.frame, global) * line_dot(&self.frame, self.start[0], a, b)
     }
 }

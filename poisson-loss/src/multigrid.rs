@@ -27,6 +27,8 @@ pub struct Level<const D: usize> {
     /// Weight of the squared gradient per node, or empty where it is 1; a link takes the mean of its ends.
     pub gamma: Vec<f32>,
     inverse_diagonal: Vec<f32>,
+    /// 1, 0, 1, 0 ...: one entry longer than a row.
+    checker: Vec<f32>,
     pub u: Vec<f32>,
     pub f: Vec<f32>,
     spare: Vec<f32>,
@@ -98,8 +100,10 @@ pub enum Prolong {
 impl<const D: usize> Level<D> {
     fn new(axes: [Axis; D], screening: Vec<f32>, gamma: Vec<f32>, vectors: bool) -> Self {
         let n = if vectors { screening.len() } else { 0 };
+        let checker = (0..=axes[0].len()).map(|i| if i % 2 == 0 { 1.0 } else { 0.0 }).collect();
         let mut level = Self {
             axes,
+            checker,
             screening,
             gamma,
             inverse_diagonal: vec![0.0; n],
@@ -215,34 +219,37 @@ impl<const D: usize> Level<D> {
         }
     }
 
-    /// Sum of `f` and the weighted neighbours of a row of `u`.
+    /// `out[i] = ` weighted sum of the neighbours of node `i` of a row of `u`.
     #[inline(always)]
-    fn gather_row(&self, u: &[f32], f: Option<&[f32]>, row: usize, out: &mut [f32]) {
+    fn gather_row(&self, u: &[f32], row: usize, out: &mut [f32]) {
         let n0 = out.len();
         let at = row * n0;
         let index = self.row_index(row);
-        match f {
-            Some(f) => out.copy_from_slice(&f[at..at + n0]),
-            None => out.fill(0.0),
-        }
         if !self.gamma.is_empty() {
+            out.fill(0.0);
             return self.gather_row_weighted(u, row, &index, out);
         }
-        for d in 1..D {
-            let [(r0, w0), (r1, w1)] = self.neighbours(row, &index, d);
-            let (a, b) = (&u[r0 * n0..][..n0], &u[r1 * n0..][..n0]);
-            for i in 0..n0 {
-                out[i] += w0 * a[i] + w1 * b[i];
+        let outer =
+            |d: usize| if d == 0 { [(row, 0.0); 2] } else { self.neighbours(row, &index, d) };
+        let links: [[(usize, f32); 2]; D] = std::array::from_fn(outer);
+        let before: [&[f32]; D] = std::array::from_fn(|d| &u[links[d][0].0 * n0..][..n0]);
+        let after: [&[f32]; D] = std::array::from_fn(|d| &u[links[d][1].0 * n0..][..n0]);
+        for i in 0..n0 {
+            let mut sum = 0.0;
+            for d in 1..D {
+                sum += links[d][0].1 * before[d][i] + links[d][1].1 * after[d][i];
             }
+            out[i] = sum;
         }
-        let (u, minus, plus) =
-            (&u[at..at + n0], &self.axes[0].minus[..n0], &self.axes[0].plus[..n0]);
         if n0 > 1 {
+            let (u, minus, plus) =
+                (&u[at..at + n0], &self.axes[0].minus[..n0], &self.axes[0].plus[..n0]);
             out[0] += plus[0] * u[1];
             out[n0 - 1] += minus[n0 - 1] * u[n0 - 2];
-            let (left, right) = (&u[..n0 - 2], &u[2..]);
-            let (out, minus, plus) = (&mut out[1..n0 - 1], &minus[1..n0 - 1], &plus[1..n0 - 1]);
-            for i in 0..out.len() {
+            let n = n0 - 2;
+            let (left, right, out) = (&u[..n], &u[2..][..n], &mut out[1..][..n]);
+            let (minus, plus) = (&minus[1..][..n], &plus[1..][..n]);
+            for i in 0..n {
                 out[i] += minus[i] * left[i] + plus[i] * right[i];
             }
         }
@@ -328,14 +335,13 @@ impl<const D: usize> Kernel for HalfSweep<'_, D> {
         let n0 = self.level.axes[0].len();
         for (r, out) in self.out.chunks_exact_mut(n0).enumerate() {
             let row = self.first_row + r;
-            self.level.gather_row(&self.level.u, Some(&self.level.f), row, out);
+            self.level.gather_row(&self.level.u, row, out);
             let index_sum: usize = self.level.row_index(row).iter().sum();
-            let parity = (index_sum + self.colour) % 2;
+            let active = &self.level.checker[(index_sum + self.colour) % 2..][..n0];
             let inverse = &self.level.inverse_diagonal[row * n0..][..n0];
-            let u = &self.level.u[row * n0..][..n0];
+            let (u, f) = (&self.level.u[row * n0..][..n0], &self.level.f[row * n0..][..n0]);
             for i in 0..n0 {
-                let new = out[i] * inverse[i];
-                out[i] = if i % 2 == parity { new } else { u[i] };
+                out[i] = (1.0 - active[i]) * u[i] + active[i] * ((f[i] + out[i]) * inverse[i]);
             }
         }
     }
@@ -357,11 +363,21 @@ impl<const D: usize> Kernel for Apply<'_, D> {
         let n0 = self.level.axes[0].len();
         for (r, out) in self.out.chunks_exact_mut(n0).enumerate() {
             let row = self.first_row + r;
-            self.level.gather_row(self.u, self.f, row, out);
+            self.level.gather_row(self.u, row, out);
             let inverse = &self.level.inverse_diagonal[row * n0..][..n0];
             let u = &self.u[row * n0..][..n0];
-            for i in 0..n0 {
-                out[i] -= u[i] / inverse[i];
+            match self.f {
+                Some(f) => {
+                    let f = &f[row * n0..][..n0];
+                    for i in 0..n0 {
+                        out[i] += f[i] - u[i] / inverse[i];
+                    }
+                }
+                None => {
+                    for i in 0..n0 {
+                        out[i] -= u[i] / inverse[i];
+                    }
+                }
             }
         }
     }

@@ -145,44 +145,57 @@ struct Uniform<'a, const D: usize> {
 
 impl<const D: usize> Kernel for Uniform<'_, D> {
     type Output = ();
+    /// Plane by plane of the outermost axis: the axes within a plane first, then the last axis
+    /// three planes behind, where its input is still in cache.
     #[inline(always)]
     fn run(self) {
-        let (n, strides) = (self.tile.len(), self.tile.strides());
+        let (n, strides, planes) = (self.tile.len(), self.tile.strides(), self.tile.extent(D - 1));
         let (mass, stiff) = factor_taps();
         // Per axis: m' = M m and k' = M k + alpha K m, from m = c and k = 0.
         let [m0, k0, m1, k1, ..] = self.stack else { unreachable!("four work buffers") };
         for buffer in [&mut *m0, &mut *k0, &mut *m1, &mut *k1] {
             buffer.resize(n, 0.0);
         }
-        let (mut m, mut k, mut m_next, mut k_next) = (m0, k0, m1, k1);
-        for d in 0..D {
-            let (lo, hi) = (REACH * strides[d], n - REACH * strides[d]);
-            let stiff = stiff.map(|v| v * self.alpha[d]);
-            let (first, last) = (d == 0, d + 1 == D);
-            let source = if first { self.c } else { &m[..] };
-            if last {
-                // The screening joins before the last pass: M k + alpha K m + s M m.
-                let taps: [f32; 4] = std::array::from_fn(|j| stiff[j] + self.s * mass[j]);
-                if first {
-                    symmetric7(&mut self.output[lo..hi], source, lo, strides[d], taps);
-                } else {
-                    symmetric7_pair(
-                        &mut self.output[lo..hi],
-                        source,
-                        taps,
-                        k,
-                        mass,
+        let stride = strides[D - 1];
+        let (mut m, mut k, mut m_next, mut k_next) = (m1, k1, m0, k0);
+        for plane in 0..planes {
+            for d in 0..D - 1 {
+                let (lo, hi) = (
+                    (plane * stride).max(REACH * strides[d]),
+                    ((plane + 1) * stride).min(n - REACH * strides[d]),
+                );
+                let stiff = stiff.map(|v| v * self.alpha[d]);
+                if d == 0 {
+                    symmetric7_both(
+                        &mut m_next[lo..hi],
+                        &mut k_next[lo..hi],
+                        self.c,
                         lo,
                         strides[d],
+                        mass,
+                        stiff,
                     );
-                }
-            } else {
-                symmetric7(&mut m_next[lo..hi], source, lo, strides[d], mass);
-                if first {
-                    symmetric7(&mut k_next[lo..hi], source, lo, strides[d], stiff);
                 } else {
-                    symmetric7_pair(&mut k_next[lo..hi], source, stiff, k, mass, lo, strides[d]);
+                    symmetric7(&mut m_next[lo..hi], m, lo, strides[d], mass);
+                    symmetric7_pair(&mut k_next[lo..hi], m, stiff, k, mass, lo, strides[d]);
                 }
+                std::mem::swap(&mut m, &mut m_next);
+                std::mem::swap(&mut k, &mut k_next);
+            }
+            if plane >= 2 * REACH {
+                let lo = (plane - REACH) * stride;
+                let out = &mut self.output[lo..lo + stride];
+                // The screening joins before the last pass: M k + alpha K m + s M m.
+                let taps: [f32; 4] =
+                    std::array::from_fn(|j| self.alpha[D - 1] * stiff[j] + self.s * mass[j]);
+                if D == 1 {
+                    symmetric7(out, self.c, lo, stride, taps);
+                } else {
+                    symmetric7_pair(out, m, taps, k, mass, lo, stride);
+                }
+            }
+            if D % 2 == 0 {
+                // An odd number of swaps so far: every plane starts from the same buffers.
                 std::mem::swap(&mut m, &mut m_next);
                 std::mem::swap(&mut k, &mut k_next);
             }
@@ -202,6 +215,27 @@ fn symmetric7(dst: &mut [f32], src: &[f32], lo: usize, stride: usize, t: [f32; 4
     let [a, b, c, d, e, f, g] = shifts7(src, lo, n, stride);
     for i in 0..n {
         dst[i] = t[0] * d[i] + t[1] * (c[i] + e[i]) + t[2] * (b[i] + f[i]) + t[3] * (a[i] + g[i]);
+    }
+}
+
+/// Two stencils on the same input.
+#[inline(always)]
+fn symmetric7_both(
+    first: &mut [f32],
+    second: &mut [f32],
+    src: &[f32],
+    lo: usize,
+    stride: usize,
+    t: [f32; 4],
+    v: [f32; 4],
+) {
+    let n = first.len();
+    let second = &mut second[..n];
+    let [a, b, c, d, e, f, g] = shifts7(src, lo, n, stride);
+    for i in 0..n {
+        let (ce, bf, ag) = (c[i] + e[i], b[i] + f[i], a[i] + g[i]);
+        first[i] = t[0] * d[i] + t[1] * ce + t[2] * bf + t[3] * ag;
+        second[i] = v[0] * d[i] + v[1] * ce + v[2] * bf + v[3] * ag;
     }
 }
 

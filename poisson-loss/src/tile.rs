@@ -10,7 +10,7 @@ use crate::axis::{End, ghost};
 const fn core_limit(dimension: usize) -> (usize, [usize; 2]) {
     match dimension {
         1 => (4096, [4096, 1]),
-        2 => (64, [512, 64]),
+        2 => (64, [256, 64]),
         3 => (32, [128, 32]),
         _ => (16, [64, 16]),
     }
@@ -104,46 +104,88 @@ impl<const D: usize> Tile<D> {
     /// Copies the piece and its halo out of an array over the whole frame.
     pub fn load(&self, src: &[f32], beyond: Beyond, dst: &mut Vec<f32>) {
         dst.resize(self.len(), 0.0);
-        self.load_with(src, beyond, dst, |d, v| *d = v);
+        for (row, dst) in dst.chunks_exact_mut(self.extent(0)).enumerate() {
+            self.load_row(row, src, beyond, dst);
+        }
     }
 
-    /// Like [`Tile::load`] for `a + scale * b`.
-    pub fn load_sum(&self, a: &[f32], scale: f32, b: &[f32], dst: &mut Vec<f32>) {
-        self.load(a, Beyond::Zero, dst);
-        self.load_with(b, Beyond::Zero, dst, |d, v| *d += scale * v);
+    /// Copies one row of the piece, halo included; `row` counts the buffer's rows.
+    #[inline(always)]
+    pub fn load_row(&self, row: usize, src: &[f32], beyond: Beyond, dst: &mut [f32]) {
+        match self.source_row(row, beyond) {
+            None => dst.fill(0.0),
+            Some(at) => {
+                let (left, right, from) = self.straight();
+                let src = &src[at..at + self.frame.shape[0]];
+                dst[left..right].copy_from_slice(&src[from..from + right - left]);
+                self.fill_edges(dst, beyond, |i| src[i]);
+            }
+        }
+    }
+
+    /// Like [`Tile::load_row`] for `a + scale * b`.
+    #[inline(always)]
+    pub fn load_row_sum(&self, row: usize, a: &[f32], scale: f32, b: &[f32], dst: &mut [f32]) {
+        match self.source_row(row, Beyond::Zero) {
+            None => dst.fill(0.0),
+            Some(at) => {
+                let (left, right, from) = self.straight();
+                let n = right - left;
+                let (a, b) = (&a[at..at + self.frame.shape[0]], &b[at..at + self.frame.shape[0]]);
+                let (a_line, b_line, line) =
+                    (&a[from..from + n], &b[from..from + n], &mut dst[left..right]);
+                for i in 0..n {
+                    line[i] = a_line[i] + scale * b_line[i];
+                }
+                self.fill_edges(dst, Beyond::Zero, |i| a[i] + scale * b[i]);
+            }
+        }
+    }
+
+    /// Whether a row of the buffer lies beyond a `Zero` side.
+    #[inline(always)]
+    pub fn row_is_beyond(&self, row: usize) -> bool {
+        self.source_row(row, Beyond::Zero).is_none()
+    }
+
+    /// Where a row of the buffer begins in an array over the frame, or `None` where it is zero.
+    #[inline(always)]
+    fn source_row(&self, row: usize, beyond: Beyond) -> Option<usize> {
+        let (mut rest, mut at, mut stride) = (row, 0, self.frame.shape[0]);
+        for d in 1..D {
+            let i = (self.start[d] + rest % self.extent(d)) as isize - self.halo as isize;
+            rest /= self.extent(d);
+            at += self.inside(i, d, beyond)? * stride;
+            stride *= self.frame.shape[d];
+        }
+        Some(at)
     }
 
     #[inline(always)]
-    fn load_with(&self, src: &[f32], beyond: Beyond, dst: &mut [f32], put: impl Fn(&mut f32, f32)) {
-        let (e0, n0, h) = (self.extent(0), self.frame.shape[0], self.halo);
-        let inside = |i: isize, d: usize| {
-            let n = self.frame.shape[d];
-            ghost(i, n, self.frame.ends[d])
-                .or_else(|| (beyond == Beyond::Edge).then(|| i.clamp(0, n as isize - 1) as usize))
-        };
-        for (row, dst) in dst.chunks_exact_mut(e0).enumerate() {
-            let (mut rest, mut at, mut stride) = (row, Some(0), n0);
-            for d in 1..D {
-                let i = (self.start[d] + rest % self.extent(d)) as isize - h as isize;
-                rest /= self.extent(d);
-                at = at.zip(inside(i, d)).map(|(at, i)| at + i * stride);
-                stride *= self.frame.shape[d];
-            }
-            let Some(at) = at else {
-                dst.iter_mut().for_each(|v| put(v, 0.0));
-                continue;
-            };
-            let src = &src[at..at + n0];
-            let first = self.start[0] as isize - h as isize;
-            let left = (-first).max(0) as usize;
-            let right = (first + e0 as isize - n0 as isize).max(0) as usize;
-            let (left, right) = (left.min(e0), right.min(e0));
-            for k in (0..left).chain(e0 - right..e0) {
-                put(&mut dst[k], inside(first + k as isize, 0).map_or(0.0, |i| src[i]));
-            }
-            let middle = &mut dst[left..e0 - right];
-            let from = (first + left as isize) as usize;
-            middle.iter_mut().zip(&src[from..]).for_each(|(d, v)| put(d, *v));
+    fn inside(&self, i: isize, d: usize, beyond: Beyond) -> Option<usize> {
+        let n = self.frame.shape[d];
+        if i >= 0 && (i as usize) < n {
+            return Some(i as usize);
+        }
+        ghost(i, n, self.frame.ends[d])
+            .or_else(|| (beyond == Beyond::Edge).then(|| i.clamp(0, n as isize - 1) as usize))
+    }
+
+    /// The columns of the buffer that lie inside the frame, and the frame's column of the first.
+    #[inline(always)]
+    fn straight(&self) -> (usize, usize, usize) {
+        let first = self.start[0] as isize - self.halo as isize;
+        let left = (-first).max(0) as usize;
+        let right = (self.frame.shape[0] as isize - first).min(self.extent(0) as isize) as usize;
+        (left, right, (first + left as isize) as usize)
+    }
+
+    #[inline(always)]
+    fn fill_edges(&self, dst: &mut [f32], beyond: Beyond, value: impl Fn(usize) -> f32) {
+        let (left, right, _) = self.straight();
+        let first = self.start[0] as isize - self.halo as isize;
+        for k in (0..left).chain(right..self.extent(0)) {
+            dst[k] = self.inside(first + k as isize, 0, beyond).map_or(0.0, &value);
         }
     }
 
