@@ -1,5 +1,7 @@
 //! The contact sheet: every result around the region, and below it its difference to ours.
 
+use std::path::Path;
+
 use anyhow::Result;
 use signal_io::Image;
 
@@ -46,8 +48,7 @@ pub fn draw(case: &Case, rows: &[Row]) -> Result<Image> {
     let (width, height) = (GAP + columns * block[0], head + lines * block[1]);
     let mut sheet = Canvas::new(width, height, PAPER)?;
 
-    let title = format!("{} guidance {}", case.name, case.guidance);
-    sheet.write(title.trim_start(), [GAP, GAP], SCALE, INK);
+    sheet.write(&title(case), [GAP, GAP], SCALE, INK);
     let legend = format!("below each result: |difference to ours| x{GAIN}");
     sheet.write(&legend, [GAP, GAP + LINE], SCALE, INK);
     for (k, row) in rows.iter().enumerate() {
@@ -62,6 +63,18 @@ pub fn draw(case: &Case, rows: &[Row]) -> Result<Image> {
         sheet.put(&difference.scaled_to(CELL)?, [at[0], y + cell_height + GAP / 2]);
     }
     sheet.to_image()
+}
+
+fn title(case: &Case) -> String {
+    let file = |k: usize| {
+        let name = Path::new(&case.scene.names[k]).file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    };
+    let name = match case.name.is_empty() {
+        true => format!("{} into {}", file(1), file(0)),
+        false => case.name.clone(),
+    };
+    format!("{name}: guidance {}", case.guidance)
 }
 
 fn caption(row: &Row) -> String {
