@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use inr_core::{Domain, RasterMask, Region, Samples, Unit};
 use nalgebra::{DMatrix, DVector};
-use poisson_loss::{Baseline, Error, Guidance, Options, Patch, Problem, Strongest, solve_baseline};
+use poisson_loss::{
+    Baseline, Error, Guidance, Options, Patch, Problem, Strongest, measure, solve, solve_baseline,
+};
 
 /// What a visible difference is far above: f32 rounding of values of order one gives 1e-6.
 const TOLERANCE: f64 = 1e-5;
@@ -321,12 +323,18 @@ fn neumann_residual_is_rounding_and_the_mean_outside_stays() {
 }
 
 #[test]
-fn results_do_not_depend_on_the_threads() {
-    let case = Case::<2, 2>::new(Domain::unit([211, 190]).unwrap(), true, Guidance::Patch);
+fn results_and_their_metrics_do_not_depend_on_the_threads() {
+    let domain = Domain::unit([211, 390]).unwrap();
+    let case = Case::<2, 2>::new(domain, true, Guidance::Strongest(Strongest::Joint));
     for baseline in [Baseline::Pie, Baseline::Neumann, Baseline::PaperLinks { lambda: 1.0 }] {
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| solve_baseline(&case.problem(), baseline).unwrap())
+            pool.install(|| {
+                let blend = solve_baseline(&case.problem(), baseline).unwrap();
+                let exact = solve(&case.problem()).unwrap().samples;
+                let metrics = measure(&case.problem(), &blend.samples, Some(&exact)).unwrap();
+                (blend, metrics)
+            })
         };
         assert_eq!(with(1), with(3), "{baseline:?}");
     }
