@@ -131,7 +131,7 @@ impl Table {
             "seam      |grad c - v| near the region's edge, in grey levels of 255 per pixel\n\n";
         let _ = writeln!(
             text,
-            "{:<20}{:>8}{:>5}{:>10}{:>10}{:>9}{:>9}{:>11}{:>10}{:>8}{:>8}{:>9}{:>9}",
+            "{:<20}{:>8}{:>5}{:>10}{:>10}{:>10}{:>10}{:>11}{:>10}{:>8}{:>8}{:>9}{:>9}",
             "solver",
             "seconds",
             "it",
@@ -195,12 +195,12 @@ impl Line {
         let psnr = self.psnr_outside.map_or("exact".to_owned(), |v| format!("{v:.1}"));
         let share = self.outside_unit_range.map(|v| 100.0 * v);
         format!(
-            "{name:<20}{:>8}{iterations:>5}{:>10}{:>10}{:>9}{:>9}{:>11}{:>10}{:>8}{:>8}{psnr:>9}{:>8}%\n",
+            "{name:<20}{:>8}{iterations:>5}{:>10}{:>10}{:>10}{:>10}{:>11}{:>10}{:>8}{:>8}{psnr:>9}{:>8}%\n",
             number(self.seconds, 3),
             power(self.m1),
             power(self.m2),
-            number(self.m1_paper, 4),
-            number(self.m2_paper, 4),
+            power(self.m1_paper),
+            power(self.m2_paper),
             self.objective.map_or("-".to_owned(), |v| format!("{v:.3e}")),
             power(self.excess_energy),
             number(self.seam_rms_levels, 2),

@@ -36,7 +36,7 @@ fn by_library<const C: usize>(background: &Image, patch: &Image, first: usize) -
 
 #[test]
 fn result_is_the_librarys_bit_for_bit() {
-    for channels in [1, 2, 3, 5, 8, 11] {
+    for channels in [1, 3, 8, 11] {
         let folder = Folder::new();
         let (background, patch) = (smooth(60, 44, channels, 0.3), smooth(30, 24, channels, 2.0));
         folder.picture("background.npy", &background, SampleType::F32);
@@ -45,9 +45,7 @@ fn result_is_the_librarys_bit_for_bit() {
         folder.run("blend background.npy patch.npy --mask mask.png --at 12,9 -o out.npy").ok();
         let expected = match channels {
             1 => by_library::<1>(&background, &patch, 0),
-            2 => by_library::<2>(&background, &patch, 0),
             3 => by_library::<3>(&background, &patch, 0),
-            5 => by_library::<5>(&background, &patch, 0),
             8 => by_library::<8>(&background, &patch, 0),
             _ => [by_library::<8>(&background, &patch, 0), by_library::<3>(&background, &patch, 8)]
                 .concat(),

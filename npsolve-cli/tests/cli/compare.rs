@@ -106,7 +106,7 @@ fn manifest_goes_on_after_a_bad_scene() {
         { "name": "gray", "background": "gray.exr", "patch": "gray_patch.exr", "offset": [9, 7] } ] }"#;
     fs::create_dir(folder.path("sub")).unwrap();
     fs::write(folder.path("list.json"), manifest).unwrap();
-    let words = ["good-none", "black.png", "nothing.png", "melt", "name", "5 of 8 cases failed"];
+    let words = ["good-none", "black.png", "nothing.png", "melt", "scene 4", "5 of 8 cases failed"];
     let run = folder.run("compare --manifest list.json -o out").fails(1, &words);
     for word in ["good-disc", "strongest", "gray-all", "screened (ours)"] {
         assert!(run.stdout().contains(word), "{word}: {}", run.stdout());
