@@ -2,9 +2,9 @@
 
 use inr_core::{Domain, RasterMask, Samples};
 
-/// A blending problem of `n` by `n` region samples in a background with a margin of `n / 2`.
+/// A blending problem of `n` by `n` region samples in a background with a margin of 128.
 pub struct Square {
-    /// The background, `2 n` by `2 n`.
+    /// The background, with 128 samples around it.
     pub background: Samples<2, 3>,
     /// The patch, `n` by `n`.
     pub patch: Samples<2, 3>,
@@ -13,8 +13,8 @@ pub struct Square {
 }
 
 /// Where the patch goes in [`Square`].
-pub fn offset(n: usize) -> [f32; 2] {
-    [(n / 2) as f32; 2]
+pub fn offset() -> [f32; 2] {
+    [128.0; 2]
 }
 
 /// Waves of several lengths with a gradient of brightness, in [0, 1].
@@ -42,5 +42,5 @@ pub fn square(n: usize) -> Square {
         })
         .collect();
     let mask = RasterMask::new(domain, weights).expect("weights of 0 and 1");
-    Square { background: waves([2 * n, 2 * n], 1.7), patch, mask }
+    Square { background: waves([n + 256, n + 256], 1.7), patch, mask }
 }

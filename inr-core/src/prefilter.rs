@@ -43,32 +43,46 @@ pub fn mirror(i: isize, n: usize) -> usize {
 /// If `data.len()` is not the product of `shape`.
 pub fn prefilter(shape: &[usize], data: &mut [f32]) {
     assert_eq!(data.len(), shape.iter().product::<usize>(), "buffer against shape {shape:?}");
-    let mut other = Vec::new();
-    let mut inner = 1;
-    for (axis, &n) in shape.iter().enumerate() {
-        if n > 1 && axis == 0 {
-            data.par_chunks_mut(n * LANES)
-                .for_each_init(Vec::new, |b, lines| filter_lines(n, lines, b));
-        } else if n > 1 {
-            other.resize(data.len(), 0.0);
-            other.par_chunks_mut(n * inner).zip(data.par_chunks(n * inner)).for_each(
-                |(dst, src)| {
-                    dst.par_chunks_mut(PIECE * inner).enumerate().for_each_init(
-                        Vec::new,
-                        |b, (k, piece)| {
-                            filter_piece(n, inner, k * PIECE, src, piece, b);
-                        },
-                    );
-                },
-            );
-            data.copy_from_slice(&other);
+    // Axes beyond the first go back and forth between two buffers; the first, whose lines are
+    // contiguous, is done last and always ends in `data`.
+    let mut other = vec![0.0; if shape[1..].iter().any(|n| *n > 1) { data.len() } else { 0 }];
+    let (mut inner, mut in_other) = (shape[0], false);
+    for &n in &shape[1..] {
+        if n > 1 {
+            let (src, dst) =
+                if in_other { (&other[..], &mut *data) } else { (&*data, &mut other[..]) };
+            filter_axis(n, inner, src, dst);
+            in_other = !in_other;
         }
         inner *= n;
     }
+    let task = shape[0] * LANES;
+    if in_other {
+        let lines = data.par_chunks_mut(task).zip(other.par_chunks(task));
+        lines.for_each_init(Vec::new, |b, (dst, src)| {
+            dst.copy_from_slice(src);
+            filter_lines(shape[0], dst, b);
+        });
+    } else {
+        data.par_chunks_mut(task)
+            .for_each_init(Vec::new, |b, lines| filter_lines(shape[0], lines, b));
+    }
+}
+
+/// Filters an axis of `n` samples with stride `inner`, from `src` into `dst`.
+fn filter_axis(n: usize, inner: usize, src: &[f32], dst: &mut [f32]) {
+    dst.par_chunks_mut(n * inner).zip(src.par_chunks(n * inner)).for_each(|(dst, src)| {
+        dst.par_chunks_mut(PIECE * inner).enumerate().for_each_init(Vec::new, |b, (k, piece)| {
+            filter_piece(n, inner, k * PIECE, src, piece, b);
+        });
+    });
 }
 
 /// Filters up to [`LANES`] contiguous lines of length `n` side by side, in place.
 fn filter_lines(n: usize, lines: &mut [f32], block: &mut Vec<[f32; LANES]>) {
+    if n == 1 {
+        return;
+    }
     block.clear();
     block.resize(n + 2 * WARM_UP, [0.0; LANES]);
     for (lane, line) in lines.chunks_exact(n).enumerate() {
@@ -103,12 +117,21 @@ fn filter_piece(
         let width = LANES.min(inner - left);
         for (k, row) in block.iter_mut().enumerate() {
             let i = mirror((start + k) as isize - WARM_UP as isize, n);
-            row[..width].copy_from_slice(&src[i * inner + left..][..width]);
+            copy_row(&src[i * inner + left..][..width], &mut row[..width]);
         }
         recurse(block);
         for (k, row) in block[WARM_UP..WARM_UP + len].iter().enumerate() {
-            piece[k * inner + left..][..width].copy_from_slice(&row[..width]);
+            copy_row(&row[..width], &mut piece[k * inner + left..][..width]);
         }
+    }
+}
+
+/// Copies up to [`LANES`] values; a full row without a call.
+#[inline(always)]
+fn copy_row(src: &[f32], dst: &mut [f32]) {
+    match (<&[f32; LANES]>::try_from(src), <&mut [f32; LANES]>::try_from(&mut *dst)) {
+        (Ok(src), Ok(dst)) => *dst = *src,
+        _ => dst.copy_from_slice(src),
     }
 }
 

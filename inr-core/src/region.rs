@@ -25,6 +25,15 @@ pub trait Region<const D: usize>: Send + Sync {
     fn weight(&self, x: &[f32; D]) -> f32 {
         if self.signed_distance(x) < 0.0 { 1.0 } else { 0.0 }
     }
+
+    /// The weights at `x`, `x + step`, `x + 2 step` ... along axis 0: one call per row of a lattice.
+    fn weights_along(&self, x: &[f32; D], step: f32, weights: &mut [f32]) {
+        for (i, weight) in weights.iter_mut().enumerate() {
+            let mut x = *x;
+            x[0] += i as f32 * step;
+            *weight = self.weight(&x);
+        }
+    }
 }
 
 impl<const D: usize, R: Region<D> + ?Sized> Region<D> for Box<R> {
@@ -35,6 +44,10 @@ impl<const D: usize, R: Region<D> + ?Sized> Region<D> for Box<R> {
     fn weight(&self, x: &[f32; D]) -> f32 {
         (**self).weight(x)
     }
+
+    fn weights_along(&self, x: &[f32; D], step: f32, weights: &mut [f32]) {
+        (**self).weights_along(x, step, weights);
+    }
 }
 
 impl<const D: usize, R: Region<D> + ?Sized> Region<D> for &R {
@@ -44,5 +57,9 @@ impl<const D: usize, R: Region<D> + ?Sized> Region<D> for &R {
 
     fn weight(&self, x: &[f32; D]) -> f32 {
         (**self).weight(x)
+    }
+
+    fn weights_along(&self, x: &[f32; D], step: f32, weights: &mut [f32]) {
+        (**self).weights_along(x, step, weights);
     }
 }

@@ -91,14 +91,15 @@ impl<const D: usize> Initial<D> {
             gamma: if plan.gamma.is_empty() { Vec::new() } else { here(&plan.gamma) },
         };
         let pasted = inputs.target.as_ref().unwrap_or(&inputs.difference);
-        let mut change: Vec<Vec<f32>> = pasted.iter().map(|d| scaled(d, &weights.guide)).collect();
-        if plan.keep == 0.0 {
-            // Only the gradient matters inside, so the jump at the edge may be centred.
-            for (e, d) in change.iter_mut().zip(pasted) {
-                let mean = edge_mean(d, &weights.region, &frame);
-                e.iter_mut().zip(&weights.guide).for_each(|(e, g)| *e -= g * mean);
-            }
-        }
+        let edge = edge_samples(&weights.region, &frame);
+        let mut change: Vec<Vec<f32>> = pasted
+            .iter()
+            .map(|d| {
+                // Only the gradient matters inside, so the jump at the edge may be centred.
+                let mean = if plan.keep == 0.0 { mean_at(d, &edge) } else { 0.0 };
+                d.par_iter().zip(&weights.guide).map(|(d, g)| g * (d - mean)).collect()
+            })
+            .collect();
         if !plan.free.is_empty() {
             let free: Vec<f32> = plan.free.iter().map(|f| f32::from(*f)).collect();
             let free = here(&free);
@@ -134,24 +135,32 @@ fn skirted<const D: usize, const C: usize>(
     (lo, Frame { shape: std::array::from_fn(|d| hi[d] - lo[d]), ends })
 }
 
-fn scaled(values: &[f32], weights: &[f32]) -> Vec<f32> {
-    values.iter().zip(weights).map(|(v, w)| v * w).collect()
-}
-
-/// Mean over the region samples that have an axis neighbour outside.
-pub(crate) fn edge_mean<const D: usize>(values: &[f32], region: &[f32], frame: &Frame<D>) -> f32 {
-    let (mut sum, mut count, mut stride) = (0.0f64, 0.0f64, 1);
-    for d in 0..D {
-        for k in stride..values.len() {
-            // Differences that wrap round a row's end compare two samples outside the region.
-            if (region[k] > 0.0) != (region[k - stride] > 0.0) {
-                sum += f64::from(if region[k] > 0.0 { values[k] } else { values[k - stride] });
-                count += 1.0;
+/// The region's samples that have an axis neighbour outside, once per such neighbour.
+pub(crate) fn edge_samples<const D: usize>(region: &[f32], frame: &Frame<D>) -> Vec<usize> {
+    let n0 = frame.shape[0];
+    let mut strides = [1; D];
+    for d in 1..D {
+        strides[d] = strides[d - 1] * frame.shape[d - 1];
+    }
+    // Neighbours that wrap round a row's end are compared as well: at a cut side both are outside.
+    let edges_of = |row: usize| -> Vec<usize> {
+        let mut edges = Vec::new();
+        for stride in strides {
+            for k in (row * n0).max(stride)..(row + 1) * n0 {
+                if (region[k] > 0.0) != (region[k - stride] > 0.0) {
+                    edges.push(if region[k] > 0.0 { k } else { k - stride });
+                }
             }
         }
-        stride *= frame.shape[d];
-    }
-    if count > 0.0 { (sum / count) as f32 } else { 0.0 }
+        edges
+    };
+    (0..region.len() / n0).into_par_iter().flat_map_iter(edges_of).collect()
+}
+
+/// Mean of some of the values; 0 of none.
+pub(crate) fn mean_at(values: &[f32], samples: &[usize]) -> f32 {
+    let sum: f64 = samples.iter().map(|k| f64::from(values[*k])).sum();
+    (sum / samples.len().max(1) as f64) as f32
 }
 
 struct Weights {
@@ -187,7 +196,7 @@ impl<'a, const D: usize, const C: usize> Inputs<'a, D, C> {
         };
         let mixed = |mu: f32, phi: f32| -> Vec<Vec<f32>> {
             let mix = |(s, t): (&Vec<f32>, &Vec<f32>)| {
-                s.iter().zip(t).map(|(s, t)| mu * s + phi * t).collect()
+                s.par_iter().zip(t).map(|(s, t)| mu * s + phi * t).collect()
             };
             background.iter().zip(&patch).map(mix).collect()
         };
@@ -329,6 +338,9 @@ struct Buffers {
 impl<const D: usize, const C: usize> Assembly<'_, D, C> {
     /// `b - A e`, one plane per channel.
     fn residual(&self, change: &[Vec<f32>]) -> Vec<Vec<f32>> {
+        if self.inputs.linear {
+            return (0..C).map(|c| self.linear_residual(c, &change[c])).collect();
+        }
         let n = self.frame.len();
         let slab_len = self.frame.slab_len();
         let slabs: Vec<Vec<Vec<f32>>> = (0..n.div_ceil(slab_len))
@@ -350,6 +362,27 @@ impl<const D: usize, const C: usize> Assembly<'_, D, C> {
             .collect()
     }
 
+    /// One channel of the residual for linear guidance.
+    fn linear_residual(&self, c: usize, change: &[f32]) -> Vec<f32> {
+        let mut out = vec![0.0f32; self.frame.len()];
+        out.par_chunks_mut(self.frame.slab_len()).enumerate().for_each_init(
+            Buffers::default,
+            |buffers, (slab, out)| {
+                for tile in self.frame.tiles(slab, REACH) {
+                    if self.load_weights(&tile, buffers) {
+                        buffers.sums.resize_with(1, Vec::new);
+                        buffers.sums[0].clear();
+                        buffers.sums[0].resize(tile.len(), 0.0);
+                        self.add_linear_guidance(&tile, c, buffers);
+                        self.finish_tile(&tile, c, 0, change, buffers, out);
+                    }
+                }
+            },
+        );
+        out
+    }
+
+    /// All channels of the residual on one tile, for guidance that looks at all of them.
     fn residual_tile(
         &self,
         tile: &Tile<D>,
@@ -357,62 +390,70 @@ impl<const D: usize, const C: usize> Assembly<'_, D, C> {
         buffers: &mut Buffers,
         out: &mut [Vec<f32>],
     ) {
-        tile.load(&self.weights.guide, Beyond::Edge, &mut buffers.guide);
-        tile.load(&self.weights.region, Beyond::Edge, &mut buffers.region);
-        match (uniform_value(&buffers.guide), uniform_value(&buffers.region)) {
-            (Some(0.0), Some(0.0)) => return,
-            (Some(1.0), Some(1.0)) if self.inputs.linear && self.plan.gamma.is_empty() => {
-                // Deep inside the first guess is exact, unless another field's colours are kept.
-                if self.plan.keep == 0.0 || self.inputs.target.is_none() {
-                    return;
-                }
-            }
-            _ => {}
+        if !self.load_weights(tile, buffers) {
+            return;
         }
         buffers.sums.resize_with(C, Vec::new);
         for sum in &mut buffers.sums {
             sum.clear();
             sum.resize(tile.len(), 0.0);
         }
-        if self.inputs.linear {
-            self.add_linear_guidance(tile, buffers);
-        } else {
-            self.add_guidance(tile, buffers);
-        }
-        let Buffers { scratch, region, sums, planes, .. } = buffers;
-        planes.resize_with(1, Vec::new);
+        self.add_guidance(tile, buffers);
         for c in 0..C {
-            if self.plan.keep > 0.0 {
-                tile.load(&self.inputs.difference[c], Beyond::Zero, &mut planes[0]);
-                weighted(tile, None, self.plan.keep, &planes[0], region, scratch, &mut sums[c]);
-            }
-            tile.load(&change[c], Beyond::Zero, &mut planes[0]);
-            self.operator.apply_tile(tile, &planes[0], scratch);
-            for (s, a) in sums[c].iter_mut().zip(&scratch.output) {
-                *s -= a;
-            }
-            tile.store(&sums[c], &mut out[c]);
+            self.finish_tile(tile, c, c, &change[c], buffers, &mut out[c]);
         }
     }
 
-    /// `sum_d alpha_d B_d^T guide B_d target`.
-    fn add_linear_guidance(&self, tile: &Tile<D>, buffers: &mut Buffers) {
+    /// Loads the weights of a tile; returns whether it can have a residual at all.
+    fn load_weights(&self, tile: &Tile<D>, buffers: &mut Buffers) -> bool {
+        tile.load(&self.weights.guide, Beyond::Edge, &mut buffers.guide);
+        tile.load(&self.weights.region, Beyond::Edge, &mut buffers.region);
+        match (uniform_value(&buffers.guide), uniform_value(&buffers.region)) {
+            (Some(0.0), Some(0.0)) => false,
+            (Some(1.0), Some(1.0)) if self.inputs.linear && self.plan.gamma.is_empty() => {
+                // Deep inside the first guess is exact, unless another field's colours are kept.
+                self.plan.keep > 0.0 && self.inputs.target.is_some()
+            }
+            _ => true,
+        }
+    }
+
+    /// Adds the colour term to the guidance in `sums[slot]`, takes `A e` off, and stores it.
+    fn finish_tile(
+        &self,
+        tile: &Tile<D>,
+        c: usize,
+        slot: usize,
+        change: &[f32],
+        buffers: &mut Buffers,
+        out: &mut [f32],
+    ) {
+        let Buffers { scratch, region, sums, planes, .. } = buffers;
+        if planes.is_empty() {
+            planes.push(Vec::new());
+        }
+        if self.plan.keep > 0.0 {
+            tile.load(&self.inputs.difference[c], Beyond::Zero, &mut planes[0]);
+            weighted(tile, None, self.plan.keep, &planes[0], region, scratch, &mut sums[slot]);
+        }
+        tile.load(change, Beyond::Zero, &mut planes[0]);
+        self.operator.apply_tile(tile, &planes[0], scratch);
+        for (s, a) in sums[slot].iter_mut().zip(&scratch.output) {
+            *s -= a;
+        }
+        tile.store(&sums[slot], out);
+    }
+
+    /// `sum_d alpha_d B_d^T guide B_d target` of one channel, into `sums[0]`.
+    fn add_linear_guidance(&self, tile: &Tile<D>, c: usize, buffers: &mut Buffers) {
         let target = self.inputs.target.as_ref().unwrap_or(&self.inputs.difference);
         let Buffers { scratch, guide, sums, planes, .. } = buffers;
-        planes.resize_with(1, Vec::new);
-        for c in 0..C {
-            tile.load(&target[c], Beyond::Zero, &mut planes[0]);
-            for d in 0..D {
-                weighted(
-                    tile,
-                    Some(d),
-                    self.plan.alpha[d],
-                    &planes[0],
-                    guide,
-                    scratch,
-                    &mut sums[c],
-                );
-            }
+        if planes.is_empty() {
+            planes.push(Vec::new());
+        }
+        tile.load(&target[c], Beyond::Zero, &mut planes[0]);
+        for d in 0..D {
+            weighted(tile, Some(d), self.plan.alpha[d], &planes[0], guide, scratch, &mut sums[0]);
         }
     }
 

@@ -51,8 +51,22 @@ pub struct Axis {
 pub struct Transfer {
     /// Per fine node: coarse node, weight of it and of the next one.
     pub prolong: Vec<(usize, f32, f32)>,
+    /// First fine node and number of pairs of them from where on nodes take turns being a coarse
+    /// node and the mean of two.
+    pub regular: (usize, usize),
     /// Per coarse node: first fine node and the weights from there on.
     pub restrict: Vec<(usize, Vec<f32>)>,
+}
+
+impl Transfer {
+    fn new(prolong: Vec<(usize, f32, f32)>, restrict: Vec<(usize, Vec<f32>)>) -> Self {
+        let copy = |i: usize| prolong[i].1 == 1.0 && prolong[i].2 == 0.0;
+        let pair =
+            |i: usize| copy(i) && prolong.get(i + 1).is_some_and(|p| p.1 == 0.5 && p.2 == 0.5);
+        let first = (0..prolong.len()).find(|i| pair(*i)).unwrap_or(prolong.len());
+        let pairs = (first..prolong.len()).step_by(2).take_while(|i| pair(*i)).count();
+        Self { prolong, regular: (first, pairs), restrict }
+    }
 }
 
 impl Axis {
@@ -133,15 +147,15 @@ impl Axis {
             }
             prolong.push(entry);
         }
-        Some((coarse, Transfer { prolong, restrict }))
+        Some((coarse, Transfer::new(prolong, restrict)))
     }
 
     /// The transfer of an axis that is not coarsened.
     pub fn identity(&self) -> Transfer {
-        Transfer {
-            prolong: (0..self.len()).map(|i| (i, 1.0, 0.0)).collect(),
-            restrict: (0..self.len()).map(|i| (i, vec![1.0])).collect(),
-        }
+        Transfer::new(
+            (0..self.len()).map(|i| (i, 1.0, 0.0)).collect(),
+            (0..self.len()).map(|i| (i, vec![1.0])).collect(),
+        )
     }
 }
 

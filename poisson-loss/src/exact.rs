@@ -1,14 +1,16 @@
 use inr_core::Samples;
+use rayon::prelude::*;
 
 use crate::assembly::Initial;
-use crate::axis::Axis;
+use crate::axis::{Axis, ghost};
 use crate::cg::{self, Convergence};
 use crate::fused::FusedSystem;
 use crate::multigrid::Multigrid;
 use crate::operator::SplineOperator;
 use crate::plain::PlainSystem;
 use crate::plan::Plan;
-use crate::problem::{Problem, copy_box};
+use crate::problem::{Problem, put_box};
+use crate::tile::Frame;
 use crate::{Error, Result};
 
 /// Screening that stands for a fixed value in the preconditioner of Dirichlet problems, in units
@@ -89,15 +91,13 @@ pub fn solve_with_progress<const D: usize, const C: usize>(
         length: plan.length,
         warnings: plan.warnings.clone(),
     };
-    let mut samples = problem.background.clone();
+    let mut samples = Samples::zeros(*problem.background.domain());
+    copy(problem.background.as_planar(), samples.as_planar_mut());
     let mut system = Engine::new(&plan);
-    let to_box: [isize; D] =
-        std::array::from_fn(|d| plan.start[d] as isize - initial.start[d] as isize);
-    for c in 0..C {
-        let widen = |values: &[f32]| {
-            copy_box(values, initial.frame.shape, to_box, plan.frame.shape, |_, _| None)
-        };
-        system.restart(&widen(&initial.residual[c]));
+    let (inner, outer) = (initial.frame.shape, plan.frame.shape);
+    let place: [usize; D] = std::array::from_fn(|d| initial.start[d] - plan.start[d]);
+    for (c, (residual, change)) in initial.residual.into_iter().zip(initial.change).enumerate() {
+        system.restart(|r| put_box(&residual, inner, place, outer, r, |r, v| *r = v));
         let step = &mut |_: usize, residual: f64| {
             let share = (residual.ln() / f64::from(options.tolerance).ln()).clamp(0.0, 1.0);
             progress((c as f32 + share as f32) / C as f32);
@@ -110,11 +110,17 @@ pub fn solve_with_progress<const D: usize, const C: usize>(
         report.iterations = report.iterations.max(iterations);
         report.residual = report.residual.max(residual);
         report.excess += energy / plan.measure;
-        let mut change = widen(&initial.change[c]);
-        change.iter_mut().zip(system.x()).for_each(|(e, x)| *e += x);
-        add_nodal(&plan, &change, samples.plane_mut(c), &problem.background.domain().shape());
+        put_box(&change, inner, place, outer, system.x_mut(), |x, e| *x += e);
+        add_nodal(&plan, system.x_mut(), samples.plane_mut(c), problem.background.domain().shape());
     }
     Ok(Blend { samples, report })
+}
+
+/// A copy by all threads: most of its time is the first touch of the new memory.
+fn copy(src: &[f32], dst: &mut [f32]) {
+    dst.par_chunks_mut(1 << 16)
+        .zip(src.par_chunks(1 << 16))
+        .for_each(|(d, s)| d.copy_from_slice(s));
 }
 
 /// The fused system where it applies, the plain one elsewhere.
@@ -126,7 +132,7 @@ enum Engine<const D: usize> {
 impl<const D: usize> Engine<D> {
     fn new(plan: &Plan<D>) -> Self {
         let small = (0..D).all(|d| plan.frame.shape[d] < 8);
-        if !plan.gamma.is_empty() || !plan.free.is_empty() || small {
+        if D == 1 || !plan.gamma.is_empty() || !plan.free.is_empty() || small {
             return Self::Plain(Box::new(plain_system(plan)));
         }
         let screening = plan.screening();
@@ -140,10 +146,10 @@ impl<const D: usize> Engine<D> {
         Self::Fused(Box::new(FusedSystem::new(operator, multigrid)))
     }
 
-    fn restart(&mut self, residual: &[f32]) {
+    fn restart(&mut self, fill: impl FnOnce(&mut [f32])) {
         match self {
-            Self::Plain(system) => system.restart(residual.to_vec()),
-            Self::Fused(system) => system.restart(|r| r.copy_from_slice(residual)),
+            Self::Plain(system) => system.restart(fill),
+            Self::Fused(system) => system.restart(fill),
         }
     }
 
@@ -160,10 +166,10 @@ impl<const D: usize> Engine<D> {
         }
     }
 
-    fn x(&self) -> &[f32] {
+    fn x_mut(&mut self) -> &mut [f32] {
         match self {
-            Self::Plain(system) => &system.x,
-            Self::Fused(system) => &system.x,
+            Self::Plain(system) => &mut system.x,
+            Self::Fused(system) => &mut system.x,
         }
     }
 }
@@ -197,32 +203,64 @@ fn add_nodal<const D: usize>(
     plan: &Plan<D>,
     coefficients: &[f32],
     plane: &mut [f32],
-    shape: &[usize; D],
+    shape: [usize; D],
 ) {
     let frame = plan.frame;
-    let mut nodal = coefficients.to_vec();
-    let mut stride = 1;
-    for d in 0..D {
-        let old = nodal.clone();
-        let (n, ends) = (frame.shape[d], frame.ends[d]);
-        for (k, v) in nodal.iter_mut().enumerate() {
-            let i = k / stride % n;
-            let at = |j: isize| {
-                crate::axis::ghost(i as isize + j, n, ends)
-                    .map_or(0.0, |p| old[k - i * stride + p * stride])
-            };
-            *v = (at(-1) + 4.0 * at(0) + at(1)) / 6.0;
-        }
-        stride *= n;
-    }
     let n0 = frame.shape[0];
-    for (row, values) in nodal.chunks_exact(n0).enumerate() {
-        let (mut rest, mut at, mut stride) = (row, plan.start[0], shape[0]);
+    let outermost: usize = shape[..D - 1].iter().product();
+    let (first, count) = if D == 1 { (0, 1) } else { (plan.start[D - 1], frame.shape[D - 1]) };
+    let slices = plane.par_chunks_mut(if D == 1 { shape[0] } else { outermost });
+    slices.skip(first).take(count).enumerate().for_each_init(
+        || vec![0.0f32; n0 + 2],
+        |sum, (k, slice)| {
+            let rows: usize = frame.shape[1..].iter().product::<usize>() / count;
+            for row in k * rows..(k + 1) * rows {
+                let at = plane_offset(plan, row, shape) % slice.len();
+                nodal_row(&frame, coefficients, row, sum, &mut slice[at..at + n0]);
+            }
+        },
+    );
+}
+
+/// Where a row of the box begins in a plane of the whole signal.
+fn plane_offset<const D: usize>(plan: &Plan<D>, mut row: usize, shape: [usize; D]) -> usize {
+    let (mut at, mut stride) = (plan.start[0], shape[0]);
+    for d in 1..D {
+        at += (plan.start[d] + row % plan.frame.shape[d]) * stride;
+        row /= plan.frame.shape[d];
+        stride *= shape[d];
+    }
+    at
+}
+
+/// Adds `P c`, `P = [1 4 1] / 6` along every axis, on one row of the box.
+fn nodal_row<const D: usize>(
+    frame: &Frame<D>,
+    c: &[f32],
+    row: usize,
+    sum: &mut [f32],
+    out: &mut [f32],
+) {
+    const TAPS: [f32; 3] = [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0];
+    let n0 = out.len();
+    sum.fill(0.0);
+    for combination in 0..3usize.pow(D as u32 - 1) {
+        let (mut rest, mut taps, mut at, mut stride, mut weight) =
+            (row, combination, Some(0), n0, 1.0);
         for d in 1..D {
-            at += (plan.start[d] + rest % frame.shape[d]) * stride;
-            rest /= frame.shape[d];
-            stride *= shape[d];
+            let i = (rest % frame.shape[d]) as isize + (taps % 3) as isize - 1;
+            at = at.zip(ghost(i, frame.shape[d], frame.ends[d])).map(|(at, i)| at + i * stride);
+            weight *= TAPS[taps % 3];
+            (rest, taps) = (rest / frame.shape[d], taps / 3);
+            stride *= frame.shape[d];
         }
-        plane[at..at + n0].iter_mut().zip(values).for_each(|(v, e)| *v += e);
+        let Some(at) = at else { continue };
+        sum[1..=n0].iter_mut().zip(&c[at..at + n0]).for_each(|(s, c)| *s += weight * c);
+    }
+    for (edge, i) in [(0, -1), (n0 + 1, n0 as isize)] {
+        sum[edge] = ghost(i, n0, frame.ends[0]).map_or(0.0, |i| sum[i + 1]);
+    }
+    for (v, s) in out.iter_mut().zip(sum.windows(3)) {
+        *v += TAPS[0] * (s[0] + s[2]) + TAPS[1] * s[1];
     }
 }

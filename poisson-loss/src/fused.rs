@@ -306,15 +306,20 @@ impl<'a, const D: usize> Smoother<'a, D> {
         skip..self.strides[D - 1] / e0 - skip
     }
 
-    /// Loads a plane of the residual (with `load`), and the inverse diagonal of a mixed tile.
+    /// Loads a plane of `r - alpha q`, and the inverse diagonal of a mixed tile.
     #[inline(always)]
-    fn load_plane(&mut self, plane: usize, load: impl Fn(&Tile<D>, usize, &mut [f32])) {
+    fn load_plane(&mut self, plane: usize, r: &[f32], alpha: f32, q: &[f32]) {
         let e0 = self.tile.extent(0);
         let rows = self.rows(0);
         let first = plane * rows.len();
         for row in rows {
             let line = row * e0..(row + 1) * e0;
-            load(&self.tile, first + row, &mut self.rings.load.at_mut(plane)[line.clone()]);
+            let load = &mut self.rings.load.at_mut(plane)[line.clone()];
+            if alpha == 0.0 {
+                self.tile.load_row(first + row, r, Beyond::Zero, load);
+            } else {
+                self.tile.load_row_sum(first + row, r, -alpha, q, load);
+            }
             if self.class.is_none() {
                 let inverse = &mut self.rings.inverse.at_mut(plane)[line];
                 self.tile.load_row(first + row, self.screening, Beyond::Edge, inverse);
@@ -529,8 +534,7 @@ impl<const D: usize> Kernel for Down<'_, D> {
         let planes = self.smoother.tile.extent(D - 1);
         let (r, q, alpha) = (self.r, self.q, self.alpha);
         for step in 0..planes {
-            self.smoother
-                .load_plane(step, |tile, row, line| tile.load_row_sum(row, r, -alpha, q, line));
+            self.smoother.load_plane(step, r, alpha, q);
             self.smoother.filter_in_plane(step, false);
             if (HALO_DOWN..planes - HALO_DOWN).contains(&step) {
                 self.store_updates(step);
@@ -623,8 +627,7 @@ impl<const D: usize> Kernel for Up<'_, D> {
     fn run(mut self) -> f64 {
         let (planes, r, mut dot) = (self.smoother.tile.extent(D - 1), self.whole_r, 0.0);
         for step in 0..planes {
-            self.smoother
-                .load_plane(step, |tile, row, line| tile.load_row(row, r, Beyond::Zero, line));
+            self.smoother.load_plane(step, r, 0.0, &[]);
             self.smoother.filter_in_plane(step, false);
             if step >= 2 * F {
                 self.smoother.right_hand_side(step - F);

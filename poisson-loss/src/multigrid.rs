@@ -219,6 +219,50 @@ impl<const D: usize> Level<D> {
         }
     }
 
+    /// One row of a half sweep: Gauss-Seidel where `active` is 1, the old value where it is 0.
+    #[inline(always)]
+    fn sweep_row(&self, row: usize, active: &[f32], out: &mut [f32]) {
+        let n0 = out.len();
+        let at = row * n0;
+        let (u, f, inverse) =
+            (&self.u[at..at + n0], &self.f[at..at + n0], &self.inverse_diagonal[at..at + n0]);
+        if n0 < 3 || !self.gamma.is_empty() {
+            self.gather_row(&self.u, row, out);
+            for i in 0..n0 {
+                out[i] = (1.0 - active[i]) * u[i] + active[i] * ((f[i] + out[i]) * inverse[i]);
+            }
+            return;
+        }
+        let index = self.row_index(row);
+        let outer =
+            |d: usize| if d == 0 { [(row, 0.0); 2] } else { self.neighbours(row, &index, d) };
+        let links: [[(usize, f32); 2]; D] = std::array::from_fn(outer);
+        let (minus, plus) = (&self.axes[0].minus[..n0], &self.axes[0].plus[..n0]);
+        for i in [0, n0 - 1] {
+            let mut sum = f[i];
+            for d in 1..D {
+                let [(before, a), (after, b)] = links[d];
+                sum += a * self.u[before * n0 + i] + b * self.u[after * n0 + i];
+            }
+            sum += if i == 0 { plus[i] * u[i + 1] } else { minus[i] * u[i - 1] };
+            out[i] = (1.0 - active[i]) * u[i] + active[i] * (sum * inverse[i]);
+        }
+        let n = n0 - 2;
+        let before: [&[f32]; D] = std::array::from_fn(|d| &self.u[links[d][0].0 * n0 + 1..][..n]);
+        let after: [&[f32]; D] = std::array::from_fn(|d| &self.u[links[d][1].0 * n0 + 1..][..n]);
+        let (left, right) = (&u[..n], &u[2..][..n]);
+        let (u, f, inverse, active) =
+            (&u[1..][..n], &f[1..][..n], &inverse[1..][..n], &active[1..][..n]);
+        let (minus, plus, out) = (&minus[1..][..n], &plus[1..][..n], &mut out[1..][..n]);
+        for i in 0..n {
+            let mut sum = f[i] + minus[i] * left[i] + plus[i] * right[i];
+            for d in 1..D {
+                sum += links[d][0].1 * before[d][i] + links[d][1].1 * after[d][i];
+            }
+            out[i] = (1.0 - active[i]) * u[i] + active[i] * (sum * inverse[i]);
+        }
+    }
+
     /// `out[i] = ` weighted sum of the neighbours of node `i` of a row of `u`.
     #[inline(always)]
     fn gather_row(&self, u: &[f32], row: usize, out: &mut [f32]) {
@@ -335,14 +379,9 @@ impl<const D: usize> Kernel for HalfSweep<'_, D> {
         let n0 = self.level.axes[0].len();
         for (r, out) in self.out.chunks_exact_mut(n0).enumerate() {
             let row = self.first_row + r;
-            self.level.gather_row(&self.level.u, row, out);
             let index_sum: usize = self.level.row_index(row).iter().sum();
             let active = &self.level.checker[(index_sum + self.colour) % 2..][..n0];
-            let inverse = &self.level.inverse_diagonal[row * n0..][..n0];
-            let (u, f) = (&self.level.u[row * n0..][..n0], &self.level.f[row * n0..][..n0]);
-            for i in 0..n0 {
-                out[i] = (1.0 - active[i]) * u[i] + active[i] * ((f[i] + out[i]) * inverse[i]);
-            }
+            self.level.sweep_row(row, active, out);
         }
     }
 }
@@ -565,7 +604,7 @@ impl<const D: usize> Kernel for ProlongRow<'_, D> {
                 }
             }
         }
-        prolong_line(&self.transfer[0].prolong, self.sum, self.line);
+        prolong_line(&self.transfer[0], self.sum, self.line);
         match self.mode {
             Prolong::Replace => self.dst.copy_from_slice(self.line),
             Prolong::Add => self.dst.iter_mut().zip(&*self.line).for_each(|(a, b)| *a += b),
@@ -575,31 +614,19 @@ impl<const D: usize> Kernel for ProlongRow<'_, D> {
 
 /// Interpolation along one line. In the regular part nodes take turns: a copy, then a mean.
 #[inline(always)]
-fn prolong_line(table: &[(usize, f32, f32)], src: &[f32], dst: &mut [f32]) {
-    let n = dst.len();
-    let one = |i: usize| {
-        let (k, a, b) = table[i];
-        if b == 0.0 { a * src[k] } else { a * src[k] + b * src[k + 1] }
-    };
-    let regular =
-        |i: usize| table[i].1 == 1.0 && i + 1 < n && table[i + 1].1 == 0.5 && table[i + 1].2 == 0.5;
-    let mut lo = 0;
-    while lo < n && !regular(lo) {
-        dst[lo] = one(lo);
-        lo += 1;
+fn prolong_line(transfer: &Transfer, src: &[f32], dst: &mut [f32]) {
+    let (first, pairs) = transfer.regular;
+    let end = first + 2 * pairs;
+    for i in (0..first).chain(end..dst.len()) {
+        let (k, a, b) = transfer.prolong[i];
+        dst[i] = a * src[k] + if b == 0.0 { 0.0 } else { b * src[k + 1] };
     }
-    let mut hi = lo;
-    if lo < n {
-        hi = lo + 2 * (lo..n).step_by(2).take_while(|i| regular(*i)).count();
-        let k = table[lo].0;
-        let src = &src[k..];
-        for (pair, s) in dst[lo..hi].chunks_exact_mut(2).zip(src.windows(2)) {
+    if pairs > 0 {
+        let src = &src[transfer.prolong[first].0..];
+        for (pair, s) in dst[first..end].chunks_exact_mut(2).zip(src.windows(2)) {
             pair[0] = s[0];
             pair[1] = 0.5 * (s[0] + s[1]);
         }
-    }
-    for i in hi..n {
-        dst[i] = one(i);
     }
 }
 

@@ -44,9 +44,10 @@ impl<const D: usize> PlainSystem<D> {
         }
     }
 
-    /// Starts on another right-hand side.
-    pub fn restart(&mut self, residual: Vec<f32>) {
-        self.r = residual;
+    /// Starts on another right-hand side, written by `fill` into a zeroed vector.
+    pub fn restart(&mut self, fill: impl FnOnce(&mut [f32])) {
+        self.r.fill(0.0);
+        fill(&mut self.r);
         self.x.fill(0.0);
         self.p.fill(0.0);
         mask(&self.free, &mut self.r);

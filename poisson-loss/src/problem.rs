@@ -126,20 +126,7 @@ impl<const D: usize, const C: usize> Problem<'_, D, C> {
             );
         }
         support.weight = self.region_weights(&domain, &support)?;
-        let n0 = support.shape[0];
-        let (mut lo, mut hi) = (support.shape, [0; D]);
-        for (row, weights) in support.weight.chunks_exact(n0).enumerate() {
-            let Some(first) = weights.iter().position(|w| *w > 0.0) else { continue };
-            let last = weights.iter().rposition(|w| *w > 0.0).unwrap_or(first);
-            (lo[0], hi[0]) = (lo[0].min(first), hi[0].max(last + 1));
-            let mut rest = row;
-            for d in 1..D {
-                let i = rest % support.shape[d];
-                rest /= support.shape[d];
-                (lo[d], hi[d]) = (lo[d].min(i), hi[d].max(i + 1));
-            }
-            support.measure += weights.iter().map(|w| f64::from(*w)).sum::<f64>();
-        }
+        let (lo, hi) = support.bounds();
         if support.measure == 0.0 {
             return Err(Error::EmptyRegion);
         }
@@ -157,26 +144,21 @@ impl<const D: usize, const C: usize> Problem<'_, D, C> {
             }
             index
         };
+        let step = domain.pitch()[0];
         let bad =
             weight.par_chunks_mut(support.shape[0]).enumerate().find_map_first(|(row, out)| {
                 let mut index = row_index(row);
-                for w in out.iter_mut() {
-                    *w = self.region.weight(&domain.position(index));
-                    if !(0.0..=1.0).contains(w) {
-                        return Some((index, *w));
-                    }
-                    index[0] += 1;
-                }
-                None
+                self.region.weights_along(&domain.position(index), step, out);
+                let i = out.iter().position(|w| !(0.0..=1.0).contains(w))?;
+                index[0] += i;
+                Some((index, out[i]))
             });
         match bad {
             None => Ok(weight),
-            Some((index, value)) if value.is_finite() => Err(Error::Parameter {
-                name: "a region weight",
-                rule: "between 0 and 1",
-                value: f64::from(value),
-            })
-            .inspect_err(|_| debug_assert!(index.len() == D)),
+            Some((_, value)) if value.is_finite() => {
+                let name = "a region weight";
+                Err(Error::Parameter { name, rule: "between 0 and 1", value: f64::from(value) })
+            }
             Some((index, value)) => {
                 Err(Error::NotFinite { signal: "region", index: index.to_vec(), channel: 0, value })
             }
@@ -185,8 +167,39 @@ impl<const D: usize, const C: usize> Problem<'_, D, C> {
 }
 
 impl<const D: usize> Support<D> {
+    /// Sets the measure and returns the corners of the box that holds all positive weights.
+    fn bounds(&mut self) -> ([usize; D], [usize; D]) {
+        use rayon::prelude::*;
+        let row_bounds = |weights: &[f32]| {
+            let first = weights.iter().position(|w| *w > 0.0)?;
+            let last = weights.iter().rposition(|w| *w > 0.0)?;
+            Some((
+                first,
+                last + 1,
+                weights[first..=last].iter().map(|w| f64::from(*w)).sum::<f64>(),
+            ))
+        };
+        let rows: Vec<_> = self.weight.par_chunks(self.shape[0]).map(row_bounds).collect();
+        let (mut lo, mut hi) = (self.shape, [0; D]);
+        for (row, bounds) in rows.into_iter().enumerate() {
+            let Some((first, end, sum)) = bounds else { continue };
+            self.measure += sum;
+            (lo[0], hi[0]) = (lo[0].min(first), hi[0].max(end));
+            let mut rest = row;
+            for d in 1..D {
+                let i = rest % self.shape[d];
+                rest /= self.shape[d];
+                (lo[d], hi[d]) = (lo[d].min(i), hi[d].max(i + 1));
+            }
+        }
+        (lo, hi)
+    }
+
     /// The part of this box that begins at `lo` (relative to it).
     fn cropped(mut self, lo: [usize; D], shape: [usize; D]) -> Self {
+        if shape == self.shape {
+            return self;
+        }
         let lo_signed = lo.map(|v| v as isize);
         self.weight = copy_box(&self.weight, self.shape, lo_signed, shape, |_, _| None);
         for d in 0..D {
@@ -244,6 +257,32 @@ pub(crate) fn copy_box<const D: usize>(
         }
     });
     dst
+}
+
+/// Combines a box with the part of an array that begins at `start`.
+pub(crate) fn put_box<const D: usize>(
+    src: &[f32],
+    src_shape: [usize; D],
+    start: [usize; D],
+    shape: [usize; D],
+    dst: &mut [f32],
+    put: impl Fn(&mut f32, f32) + Sync,
+) {
+    use rayon::prelude::*;
+    dst.par_chunks_mut(shape[0]).enumerate().for_each(|(row, dst)| {
+        let (mut rest, mut at, mut stride) = (row, 0, src_shape[0]);
+        for d in 1..D {
+            let i = (rest % shape[d]).wrapping_sub(start[d]);
+            rest /= shape[d];
+            if i >= src_shape[d] {
+                return;
+            }
+            at += i * stride;
+            stride *= src_shape[d];
+        }
+        let (dst, src) = (&mut dst[start[0]..start[0] + src_shape[0]], &src[at..at + src_shape[0]]);
+        dst.iter_mut().zip(src).for_each(|(d, s)| put(d, *s));
+    });
 }
 
 #[cfg(test)]

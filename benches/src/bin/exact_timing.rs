@@ -16,9 +16,12 @@ fn main() {
         })
     };
     let (n, length, tolerance) = (argument(1) as usize, argument(2) as f32, argument(3) as f32);
-    rayon::ThreadPoolBuilder::new().num_threads(argument(4) as usize).build_global().expect("first use");
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(argument(4) as usize)
+        .build_global()
+        .expect("first use");
     let square = square(n);
-    let offset = offset(n);
+    let offset = offset();
     let region = Translated { region: square.mask.clone(), offset };
     for _ in 0..argument(5) as usize {
         let start = Instant::now();
@@ -28,7 +31,10 @@ fn main() {
             region: &region,
             guidance: Guidance::Patch,
             options: Options {
-                objective: Objective::Screened { length: (length > 0.0).then_some(length), keep: None },
+                objective: Objective::Screened {
+                    length: (length > 0.0).then_some(length),
+                    keep: None,
+                },
                 tolerance,
                 ..Options::default()
             },

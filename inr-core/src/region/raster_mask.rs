@@ -154,6 +154,30 @@ impl<const D: usize> Region<D> for RasterMask<D> {
         }
         self.weights[flat]
     }
+
+    fn weights_along(&self, x: &[f32; D], step: f32, weights: &mut [f32]) {
+        let (shape, strides) = (self.domain.shape(), self.domain.strides());
+        let index = self.domain.to_index(x);
+        let step = step / self.domain.pitch()[0];
+        let mut row = 0;
+        for d in 1..D {
+            let nearest = (index[d] + 0.5).floor();
+            if !(nearest >= 0.0 && nearest < shape[d] as f32) {
+                return weights.fill(0.0);
+            }
+            row += nearest as usize * strides[d];
+        }
+        let row = &self.weights[row..row + shape[0]];
+        for (i, weight) in weights.iter_mut().enumerate() {
+            // A negative index saturates to 0 in the cast and is sorted out by the comparison.
+            let nearest = (index[0] + i as f32 * step + 0.5).floor();
+            *weight = if nearest >= 0.0 {
+                row.get(nearest as usize).copied().unwrap_or(0.0)
+            } else {
+                0.0
+            };
+        }
+    }
 }
 
 #[cfg(test)]

@@ -94,6 +94,10 @@ impl<const D: usize, R: Region<D>> Region<D> for Translated<R, D> {
     fn weight(&self, x: &[f32; D]) -> f32 {
         self.region.weight(&self.to_own_coordinates(x))
     }
+
+    fn weights_along(&self, x: &[f32; D], step: f32, weights: &mut [f32]) {
+        self.region.weights_along(&self.to_own_coordinates(x), step, weights);
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use inr_core::{Field, Jet, Spline};
 use rayon::prelude::*;
 
-use crate::assembly::{check, edge_mean, sample_patch};
+use crate::assembly::{check, edge_samples, mean_at, sample_patch};
 use crate::plan::solved_box;
 use crate::problem::{Patch, Support, copy_box};
 use crate::tile::Frame;
@@ -124,8 +124,9 @@ impl<'a, const D: usize, const C: usize> Stage<'a, D, C> {
             let target = if linear { self.follow(0, s, t) } else { t };
             (0..C).for_each(|c| change[c][k] = target[c] - s[c]);
         }
+        let edge = edge_samples(&self.region, &self.frame);
         for e in &mut change {
-            let mean = edge_mean(e, &self.region, &self.frame);
+            let mean = mean_at(e, &edge);
             e.iter_mut().zip(&self.region).for_each(|(e, m)| *e = m * (*e - mean));
         }
         change

@@ -43,25 +43,6 @@ impl Integrals {
     }
 }
 
-/// Values and slopes of one spline on a lattice.
-struct Sampled<const D: usize, const C: usize> {
-    value: Samples<D, C>,
-    slope: [Samples<D, C>; D],
-}
-
-impl<const D: usize, const C: usize> Sampled<D, C> {
-    fn new(scene: &Scene<'_, D, C>, spline: &Spline<D, C>, lattice: &Lattice<D>) -> Self {
-        Self {
-            value: scene.evaluate(spline, lattice, None),
-            slope: std::array::from_fn(|d| scene.evaluate(spline, lattice, Some(d))),
-        }
-    }
-
-    fn value(&self, c: usize, k: usize) -> f64 {
-        f64::from(self.value.plane(c)[k])
-    }
-}
-
 /// All integrals, summed in an order that the box alone decides.
 pub fn integrate<const D: usize, const C: usize>(scene: &Scene<'_, D, C>) -> Integrals {
     let slabs: Vec<Integrals> = scene
@@ -92,31 +73,97 @@ fn integrate_points<const D: usize, const C: usize>(
     let pull = scene.pull(&lattice, |k| scene.guide[first_cell + k]);
     let ours = Sampled::new(scene, &scene.change, &lattice);
     let exact = scene.exact.as_ref().map(|spline| Sampled::new(scene, spline, &lattice));
+    let (ours, exact) = (ours.planes(), exact.as_ref().map(Sampled::planes));
     let weight = 0.5f64.powi(D as i32);
     let mut sums = Integrals::default();
-    for k in 0..lattice.len() {
-        if !scene.within_signal(start, unflatten(k, shape), offset) {
+    for first in (0..lattice.len()).step_by(shape[0]) {
+        let Some(row) = scene.row_within_signal(start, unflatten(first, shape), shape[0], offset)
+        else {
             continue;
-        }
-        let cell = first_cell + k;
-        let terms = Terms::new(scene, &pull, &ours, k, cell);
-        let m = f64::from(scene.region[cell]);
-        sums.inside += weight * m;
-        sums.gradient += weight * m * terms.gradient;
-        sums.colour += weight * (1.0 - m) * terms.colour;
-        sums.objective += weight * terms.objective;
-        if scene.place[cell].near {
-            sums.near += weight;
-            sums.seam += weight * terms.gradient;
-            sums.seam_max = sums.seam_max.max(terms.steepest.sqrt());
-        }
-        if let Some(exact) = &exact {
-            let best = Terms::new(scene, &pull, exact, k, cell);
-            sums.objective_of_exact += weight * best.objective;
-            sums.gain += weight * gain(scene, &pull, &ours, exact, k, cell);
+        };
+        for k in first + row.start..first + row.end {
+            let wanted = Wanted::new(scene, &pull, k, first_cell + k);
+            let a = wanted.miss(&ours, k);
+            sums.add_point(scene, first_cell + k, weight, &wanted, &a);
+            if let Some(exact) = &exact {
+                let b = wanted.miss(exact, k);
+                sums.objective_of_exact += weight * wanted.terms(&b).objective;
+                sums.gain += weight * wanted.gain(&a, &b);
+            }
         }
     }
     sums
+}
+
+impl Integrals {
+    #[inline(always)]
+    fn add_point<const D: usize, const C: usize>(
+        &mut self,
+        scene: &Scene<'_, D, C>,
+        cell: usize,
+        weight: f64,
+        wanted: &Wanted<D, C>,
+        miss: &Miss<D, C>,
+    ) {
+        let (terms, m) = (wanted.terms(miss), f64::from(scene.region[cell]));
+        self.inside += weight * m;
+        self.gradient += weight * m * terms.gradient;
+        self.colour += weight * (1.0 - m) * terms.colour;
+        self.objective += weight * terms.objective;
+        if scene.place[cell].near {
+            self.near += weight;
+            self.seam += weight * terms.gradient;
+            self.seam_max = self.seam_max.max(terms.steepest.sqrt());
+        }
+    }
+}
+
+/// Values and slopes of one spline on a lattice.
+struct Sampled<const D: usize, const C: usize> {
+    value: Samples<D, C>,
+    slope: [Samples<D, C>; D],
+}
+
+/// The same as plain slices, one per channel.
+struct Planes<'a, const D: usize, const C: usize> {
+    value: [&'a [f32]; C],
+    slope: [[&'a [f32]; C]; D],
+}
+
+impl<const D: usize, const C: usize> Sampled<D, C> {
+    fn new(scene: &Scene<'_, D, C>, spline: &Spline<D, C>, lattice: &Lattice<D>) -> Self {
+        Self {
+            value: scene.evaluate(spline, lattice, None),
+            slope: std::array::from_fn(|d| scene.evaluate(spline, lattice, Some(d))),
+        }
+    }
+
+    fn planes(&self) -> Planes<'_, D, C> {
+        Planes {
+            value: std::array::from_fn(|c| self.value.plane(c)),
+            slope: std::array::from_fn(|d| std::array::from_fn(|c| self.slope[d].plane(c))),
+        }
+    }
+}
+
+/// What the objective asks at one point, and with which weights.
+struct Wanted<const D: usize, const C: usize> {
+    /// `v - grad c_S`.
+    gradient: [[f32; D]; C],
+    /// `c_T - c_S`, where the patch's colours are kept.
+    apart: [f32; C],
+    /// Weights of the squared gradient, of the change, and of the difference to the patch.
+    gamma: f64,
+    colour: f64,
+    keep: f64,
+}
+
+/// How far a change is from that.
+struct Miss<const D: usize, const C: usize> {
+    /// `grad c - v`.
+    gradient: [[f64; D]; C],
+    /// `c - c_S`.
+    change: [f64; C],
 }
 
 /// The integrands at one point.
@@ -130,78 +177,57 @@ struct Terms {
     objective: f64,
 }
 
-impl Terms {
+impl<const D: usize, const C: usize> Wanted<D, C> {
     #[inline(always)]
-    fn new<const D: usize, const C: usize>(
-        scene: &Scene<'_, D, C>,
-        pull: &Pull<D, C>,
-        sampled: &Sampled<D, C>,
-        k: usize,
-        cell: usize,
-    ) -> Self {
-        let mut terms = Self { gradient: 0.0, steepest: 0.0, colour: 0.0, objective: 0.0 };
+    fn new(scene: &Scene<'_, D, C>, pull: &Pull<D, C>, k: usize, cell: usize) -> Self {
+        let m = scene.region[cell];
+        Self {
+            gradient: pull.gradient.get(k).copied().unwrap_or([[0.0; D]; C]),
+            apart: pull.apart.get(k).copied().unwrap_or([0.0; C]),
+            gamma: if scene.plan.gamma.is_empty() { 1.0 } else { f64::from(m) },
+            colour: f64::from(scene.colour[cell]),
+            keep: f64::from(scene.plan.keep * m),
+        }
+    }
+
+    #[inline(always)]
+    fn miss(&self, planes: &Planes<'_, D, C>, k: usize) -> Miss<D, C> {
+        let gradient = std::array::from_fn(|c| {
+            let slope = |d: usize| f64::from(planes.slope[d][c][k]);
+            std::array::from_fn(|d| slope(d) - f64::from(self.gradient[c][d]))
+        });
+        Miss { gradient, change: std::array::from_fn(|c| f64::from(planes.value[c][k])) }
+    }
+
+    #[inline(always)]
+    fn terms(&self, miss: &Miss<D, C>) -> Terms {
+        let mut terms = Terms { gradient: 0.0, steepest: 0.0, colour: 0.0, objective: 0.0 };
         let mut kept = 0.0;
         for c in 0..C {
-            let squared: f64 = (0..D).map(|d| mismatch(pull, sampled, k, c, d).powi(2)).sum();
+            let squared: f64 = miss.gradient[c].iter().map(|v| v * v).sum();
             terms.gradient += squared;
             terms.steepest = terms.steepest.max(squared);
-            terms.colour += sampled.value(c, k).powi(2);
-            kept += (sampled.value(c, k) - apart(pull, k, c)).powi(2);
+            terms.colour += miss.change[c] * miss.change[c];
+            kept += (miss.change[c] - f64::from(self.apart[c])).powi(2);
         }
-        let [gamma, colour, keep] = scene.weights(cell);
-        terms.objective = gamma * terms.gradient + colour * terms.colour + keep * kept;
+        terms.objective =
+            self.gamma * terms.gradient + self.colour * terms.colour + self.keep * kept;
         terms
     }
-}
 
-/// `grad c - v`, one component: the change's slope less what the guidance adds to the background.
-#[inline(always)]
-fn mismatch<const D: usize, const C: usize>(
-    pull: &Pull<D, C>,
-    sampled: &Sampled<D, C>,
-    k: usize,
-    c: usize,
-    d: usize,
-) -> f64 {
-    let wanted = pull.gradient.get(k).map_or(0.0, |v| v[c][d]);
-    f64::from(sampled.slope[d].plane(c)[k]) - f64::from(wanted)
-}
-
-/// `c_T - c_S`, where the patch's colours are kept.
-fn apart<const D: usize, const C: usize>(pull: &Pull<D, C>, k: usize, c: usize) -> f64 {
-    pull.apart.get(k).map_or(0.0, |v| f64::from(v[c]))
-}
-
-/// The objective's integrand for one change less that for another, as `(a - b)(a + b)`.
-fn gain<const D: usize, const C: usize>(
-    scene: &Scene<'_, D, C>,
-    pull: &Pull<D, C>,
-    ours: &Sampled<D, C>,
-    exact: &Sampled<D, C>,
-    k: usize,
-    cell: usize,
-) -> f64 {
-    let [gamma, colour, keep] = scene.weights(cell);
-    let mut sum = 0.0;
-    for c in 0..C {
-        for d in 0..D {
-            let (a, b) = (mismatch(pull, ours, k, c, d), mismatch(pull, exact, k, c, d));
-            sum += gamma * (a - b) * (a + b);
-        }
-        let (a, b) = (ours.value(c, k), exact.value(c, k));
-        let patch = apart(pull, k, c);
-        sum += (a - b) * (colour * (a + b) + keep * (a + b - 2.0 * patch));
-    }
-    sum
-}
-
-impl<const D: usize, const C: usize> Scene<'_, D, C> {
-    /// The objective's weights in a cell: of the squared gradient, of the change, and of the
-    /// difference to the patch.
+    /// The objective's integrand for one change less that for another, as `(a - b)(a + b)`.
     #[inline(always)]
-    fn weights(&self, cell: usize) -> [f64; 3] {
-        let m = self.region[cell];
-        let gamma = if self.plan.gamma.is_empty() { 1.0 } else { m };
-        [gamma, self.colour[cell], self.plan.keep * m].map(f64::from)
+    fn gain(&self, a: &Miss<D, C>, b: &Miss<D, C>) -> f64 {
+        let mut sum = 0.0;
+        for c in 0..C {
+            for d in 0..D {
+                let (a, b) = (a.gradient[c][d], b.gradient[c][d]);
+                sum += self.gamma * (a - b) * (a + b);
+            }
+            let (a, b) = (a.change[c], b.change[c]);
+            let to_patch = a + b - 2.0 * f64::from(self.apart[c]);
+            sum += (a - b) * (self.colour * (a + b) + self.keep * to_patch);
+        }
+        sum
     }
 }

@@ -1,5 +1,7 @@
 //! What is measured, on a box: splines of the change and of both signals, and all weights.
 
+use std::ops::Range;
+
 use inr_core::{Domain, Jet, Samples, Spline, Unit, distance_to, distance_to_cells, prefilter};
 use rayon::prelude::*;
 
@@ -211,14 +213,25 @@ impl<'a, const D: usize, const C: usize> Scene<'a, D, C> {
         self.problem.background.domain().shape()
     }
 
-    /// Whether a point at an offset (less than a sample) from a sample of a slab lies between the
-    /// outermost samples; an axis with one sample has no border.
-    #[inline(always)]
-    pub fn within_signal(&self, start: [usize; D], index: [usize; D], offset: [f64; D]) -> bool {
-        (0..D).all(|d| {
-            let (i, last) = (self.start[d] + start[d] + index[d], self.whole()[d] - 1);
-            last == 0 || if offset[d] < 0.0 { i > 0 } else { i < last }
-        })
+    /// The points of a row that lie between the signal's outermost samples; `index` is the row's
+    /// first sample in a slab, `offset` (less than a sample) that of the points from their
+    /// samples. An axis with one sample has no border.
+    pub fn row_within_signal(
+        &self,
+        start: [usize; D],
+        index: [usize; D],
+        len: usize,
+        offset: [f64; D],
+    ) -> Option<Range<usize>> {
+        let at = |d: usize| self.start[d] + start[d] + index[d];
+        let within = |d: usize| {
+            let last = self.whole()[d] - 1;
+            last == 0 || if offset[d] < 0.0 { at(d) > 0 } else { at(d) < last }
+        };
+        let last = self.whole()[0] - 1;
+        let cut_first = last > 0 && offset[0] < 0.0 && at(0) == 0;
+        let cut_last = last > 0 && offset[0] > 0.0 && at(0) + len == last + 1;
+        (1..D).all(within).then(|| usize::from(cut_first)..len - usize::from(cut_last))
     }
 
     fn boxed(&self) -> Domain<D> {
