@@ -163,7 +163,8 @@ pub fn explain(error: Error, scene: &Scene) -> anyhow::Error {
         ),
         Error::NotConverged { iterations, residual } => anyhow!(
             "blending {patch} into {background} did not converge: residual {residual:.1e} after \
-             {iterations} iterations; raise --tolerance"
+             {iterations} iterations; raise --tolerance, and keep --length, --keep and --lambda in \
+             proportion to the pictures"
         ),
         Error::NotFinite { .. } => anyhow!(
             "blending {patch} into {background} exceeds the range of 32-bit floats ({error}); \

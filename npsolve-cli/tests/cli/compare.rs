@@ -119,5 +119,5 @@ fn manifest_goes_on_after_a_bad_scene() {
     folder.run("compare --manifest nothing.json").fails(1, &["nothing.json"]);
     fs::write(folder.path("bad.json"), "[1, 2").unwrap();
     folder.run("compare --manifest bad.json").fails(1, &["bad.json", "blend_2d"]);
-    folder.run("compare").fails(2, &["--manifest"]);
+    folder.run("compare").fails(2, &["BACKGROUND", "PATCH"]);
 }
