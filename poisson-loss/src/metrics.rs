@@ -1,6 +1,7 @@
 //! Numbers that say how good a blend is, for results of this crate and of others alike: one
 //! operator, one `v`, float and unclipped.
 
+mod points;
 mod quadrature;
 mod residual;
 mod samples;

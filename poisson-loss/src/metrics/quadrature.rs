@@ -3,7 +3,8 @@
 use inr_core::{Samples, Spline};
 use rayon::prelude::*;
 
-use super::scene::{Lattice, Pull, Scene, flatten, unflatten};
+use super::points::{Lattice, Pull, flatten, unflatten};
+use super::scene::Scene;
 
 /// Sums over quadrature points; a cell's points share the weight 1.
 #[derive(Debug, Clone, Copy, Default)]

@@ -4,7 +4,8 @@ use inr_core::Samples;
 use rayon::prelude::*;
 
 use super::mean;
-use super::scene::{Lattice, Scene, flatten, unflatten};
+use super::points::{Lattice, flatten, unflatten};
+use super::scene::Scene;
 
 /// Root mean squares of the residual.
 pub struct Residuals {
