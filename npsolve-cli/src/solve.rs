@@ -32,7 +32,7 @@ pub struct Solution {
     pub seconds: f64,
 }
 
-/// Blends all channels: together up to eight, in groups of eight beyond.
+/// Blends all channels, in groups of at most [`channels::MOST`].
 pub fn solve_scene(
     scene: &Scene,
     settings: &Settings,

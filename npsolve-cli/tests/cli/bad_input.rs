@@ -171,7 +171,7 @@ fn formats_that_cannot_hold_alpha_or_channels() {
 }
 
 #[test]
-fn joint_rules_need_at_most_eight_channels() {
+fn joint_rules_need_channels_in_one_group() {
     let folder = Folder::new();
     folder.picture("b.npy", &smooth(40, 30, 11, 0.0), SampleType::F32);
     folder.picture("p.npy", &smooth(20, 15, 11, 1.0), SampleType::F32);
