@@ -73,7 +73,7 @@ impl<const D: usize, const C: usize> Spline<D, C> {
             for d in 0..D {
                 let tap = combination >> (2 * d) & 3;
                 at += mirror(first[d] + tap as isize, shape[d]) * strides[d];
-                weight = weight * weights[d][tap];
+                weight *= weights[d][tap];
             }
             for c in 0..C {
                 value[c] =

@@ -33,17 +33,17 @@ pub struct Initial<const D: usize> {
     pub residual: Vec<Vec<f32>>,
 }
 
-/// Coefficients on the box of [`Initial`].
-struct Inputs<'a, const D: usize, const C: usize> {
-    /// The background; empty when only `target` is needed.
-    background: Vec<Vec<f32>>,
+/// Coefficients on a box around the region.
+pub(crate) struct Inputs<'a, const D: usize, const C: usize> {
+    /// The background; empty where linear guidance does not need it.
+    pub background: Vec<Vec<f32>>,
     /// Patch minus background.
-    difference: Vec<Vec<f32>>,
+    pub difference: Vec<Vec<f32>>,
     /// For linear guidance the field whose gradient is `v - grad c_S`, if it is not `difference`.
-    target: Option<Vec<Vec<f32>>>,
+    pub target: Option<Vec<Vec<f32>>>,
     /// Set where the guidance needs the patch off the background's lattice.
-    field: Option<Moved<'a, D, C>>,
-    linear: bool,
+    pub field: Option<Moved<'a, D, C>>,
+    pub linear: bool,
 }
 
 /// A field moved by an offset.
@@ -120,7 +120,7 @@ impl<const D: usize> Initial<D> {
 }
 
 /// The region's box with a skirt, cut at the signal's border.
-fn skirted<const D: usize, const C: usize>(
+pub(crate) fn skirted<const D: usize, const C: usize>(
     problem: &Problem<'_, D, C>,
     plan: &Plan<D>,
 ) -> ([usize; D], Frame<D>) {
@@ -169,7 +169,7 @@ struct Weights {
 }
 
 impl<'a, const D: usize, const C: usize> Inputs<'a, D, C> {
-    fn new(problem: &Problem<'a, D, C>, start: [usize; D], frame: Frame<D>) -> Result<Self> {
+    pub fn new(problem: &Problem<'a, D, C>, start: [usize; D], frame: Frame<D>) -> Result<Self> {
         let domain = *problem.background.domain();
         // A wider box, so that the prefilter's own mirror at its border is not felt inside.
         let wide: [usize; D] = std::array::from_fn(|d| start[d].saturating_sub(PREFILTER_REACH));
@@ -209,7 +209,7 @@ impl<'a, const D: usize, const C: usize> Inputs<'a, D, C> {
         let linear = linear && (target.is_some() || problem.guidance.is_patch());
         let difference = coefficients(mixed(-1.0, 1.0));
         let target = target.map(&coefficients);
-        let background = if linear { Vec::new() } else { coefficients(background) };
+        let background = if linear && D > 1 { Vec::new() } else { coefficients(background) };
         Ok(Self { background, difference, target, field, linear })
     }
 }

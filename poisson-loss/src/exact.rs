@@ -3,6 +3,7 @@ use rayon::prelude::*;
 
 use crate::assembly::Initial;
 use crate::axis::{Axis, ghost};
+use crate::banded;
 use crate::cg::{self, Convergence};
 use crate::fused::FusedSystem;
 use crate::multigrid::Multigrid;
@@ -79,7 +80,6 @@ pub fn solve_with_progress<const D: usize, const C: usize>(
     progress: &mut dyn FnMut(f32),
 ) -> Result<Blend<D, C>> {
     let plan = Plan::new(problem)?;
-    let initial = Initial::new(problem, &plan)?;
     let options = problem.options;
     let mut report = Report {
         iterations: 0,
@@ -93,6 +93,15 @@ pub fn solve_with_progress<const D: usize, const C: usize>(
     };
     let mut samples = Samples::zeros(*problem.background.domain());
     copy(problem.background.as_planar(), samples.as_planar_mut());
+    if D == 1 {
+        let (changes, residual) = banded::solve(problem, &plan)?;
+        for (c, change) in changes.iter().enumerate() {
+            add_nodal(&plan, change, samples.plane_mut(c), problem.background.domain().shape());
+        }
+        (report.iterations, report.residual) = (1, residual);
+        return Ok(Blend { samples, report });
+    }
+    let initial = Initial::new(problem, &plan)?;
     let mut system = Engine::new(&plan);
     let (inner, outer) = (initial.frame.shape, plan.frame.shape);
     let place: [usize; D] = std::array::from_fn(|d| initial.start[d] - plan.start[d]);
@@ -132,7 +141,7 @@ enum Engine<const D: usize> {
 impl<const D: usize> Engine<D> {
     fn new(plan: &Plan<D>) -> Self {
         let small = (0..D).all(|d| plan.frame.shape[d] < 8);
-        if D == 1 || !plan.gamma.is_empty() || !plan.free.is_empty() || small {
+        if !plan.gamma.is_empty() || !plan.free.is_empty() || small {
             return Self::Plain(Box::new(plain_system(plan)));
         }
         let screening = plan.screening();

@@ -2,6 +2,7 @@
 
 mod assembly;
 mod axis;
+mod banded;
 mod baselines;
 mod cg;
 mod error;

@@ -285,3 +285,26 @@ fn sub_pixel_and_field_patches_use_the_continuous_patch() {
     assert_eq!(a.samples, b.samples);
     assert!(a.samples != background);
 }
+
+#[test]
+fn audio_is_solved_directly() {
+    for n in [5, 60, 400] {
+        let domain = Domain::new([n], [1.0 / 16.0], [0.25], Unit::Second).unwrap();
+        let cut = mask(domain, |u| f64::from((-0.1..0.12).contains(&u[0])));
+        let touching = mask(domain, |u| f64::from(u[0] < 0.2));
+        for region in [cut, touching] {
+            let (background, patch) = (textured::<1, 2>(domain, 9), textured::<1, 2>(domain, 10));
+            for guidance in every_guidance::<1, 2>() {
+                let options = screened(0.25);
+                let case = Case { background: &background, patch: &patch, region: &region, guidance, options };
+                check(&format!("audio {n}"), &case);
+            }
+            for objective in [Objective::Paper { lambda: 2.0 }, Objective::Dirichlet] {
+                let options = Options::with_objective(objective);
+                let guidance = Guidance::Patch;
+                let case = Case { background: &background, patch: &patch, region: &region, guidance, options };
+                check(&format!("audio {n} {objective:?}"), &case);
+            }
+        }
+    }
+}
