@@ -37,7 +37,7 @@ pub fn solve_scene(
     scene: &Scene,
     settings: &Settings,
     with_metrics: bool,
-    progress: &mut dyn FnMut(f32),
+    progress: &mut (dyn FnMut(f32) + Send),
 ) -> Result<Solution> {
     let count = scene.channels();
     if count > channels::MOST && !settings.guidance.is_per_channel() {
@@ -76,7 +76,7 @@ struct Group<'a> {
     settings: &'a Settings,
     first: usize,
     with_metrics: bool,
-    progress: &'a mut dyn FnMut(f32),
+    progress: &'a mut (dyn FnMut(f32) + Send),
 }
 
 impl ChannelJob for Group<'_> {

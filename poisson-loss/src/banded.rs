@@ -46,7 +46,11 @@ pub fn solve<const D: usize, const C: usize>(
 
 /// Calls `visit(cell, point, coefficients)` for every quadrature point of the frame: the cell's
 /// weights, the point in it, and the four coefficients it sees (`None` where the change is zero).
-fn for_points(n: usize, ends: [End; 2], mut visit: impl FnMut(usize, usize, &CellPoint, [Option<usize>; 4])) {
+fn for_points(
+    n: usize,
+    ends: [End; 2],
+    mut visit: impl FnMut(usize, usize, &CellPoint, [Option<usize>; 4]),
+) {
     let points = cell_points();
     // Cells beyond a Zero end still lie under the outermost basis functions.
     let beyond = |end: End| if end == End::Zero { 2 } else { 0 };
@@ -121,7 +125,14 @@ fn right_hand_sides<const D: usize, const C: usize>(
         } else {
             let quarter = if half == 0 { -0.25 } else { 0.25 };
             let x = (start[0] + cell) as f64 + quarter;
-            pull_at(problem, plan, &inputs, x, |c| at_point(c, &point.value), |c| at_point(c, &point.slope))
+            pull_at(
+                problem,
+                plan,
+                &inputs,
+                x,
+                |c| at_point(c, &point.value),
+                |c| at_point(c, &point.slope),
+            )
         };
         for c in 0..C {
             let apart = f64::from(plan.keep * m) * at_point(&inputs.difference[c], &point.value);
@@ -147,8 +158,7 @@ fn pull_at<const D: usize, const C: usize>(
     slope: impl Fn(&[f32]) -> f64,
 ) -> [f64; C] {
     let domain = problem.background.domain();
-    let position =
-        [(f64::from(domain.origin()[0]) + x * f64::from(domain.pitch()[0])) as f32; D];
+    let position = [(f64::from(domain.origin()[0]) + x * f64::from(domain.pitch()[0])) as f32; D];
     let root_alpha = f64::from(plan.alpha[0]).sqrt();
     let (mut s, mut t) = (Jet::<D, C>::ZERO, Jet::<D, C>::ZERO);
     for c in 0..C {
@@ -173,7 +183,8 @@ fn cholesky(upper: &[[f64; BAND]]) -> Vec<[f64; BAND]> {
     let mut l = vec![[0.0f64; BAND]; n];
     for i in 0..n {
         for k in 0..BAND.min(n - i) {
-            let dot: f64 = (1..BAND - k).filter(|m| *m <= i).map(|m| l[i - m][m] * l[i - m][m + k]).sum();
+            let dot: f64 =
+                (1..BAND - k).filter(|m| *m <= i).map(|m| l[i - m][m] * l[i - m][m + k]).sum();
             let v = upper[i][k] - dot;
             // 1e-300: an equation without any weight leaves its unknown at zero.
             l[i][k] = if k == 0 { v.max(1e-300).sqrt() } else { v / l[i][0] };

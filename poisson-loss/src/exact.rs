@@ -77,7 +77,15 @@ pub fn solve<const D: usize, const C: usize>(problem: &Problem<'_, D, C>) -> Res
 /// As [`solve`].
 pub fn solve_with_progress<const D: usize, const C: usize>(
     problem: &Problem<'_, D, C>,
-    progress: &mut dyn FnMut(f32),
+    progress: &mut (dyn FnMut(f32) + Send),
+) -> Result<Blend<D, C>> {
+    // Hundreds of short parallel loops: they start faster from inside the thread pool.
+    rayon::scope(|_| solve_here(problem, progress))
+}
+
+fn solve_here<const D: usize, const C: usize>(
+    problem: &Problem<'_, D, C>,
+    progress: &mut (dyn FnMut(f32) + Send),
 ) -> Result<Blend<D, C>> {
     let plan = Plan::new(problem)?;
     let options = problem.options;

@@ -19,7 +19,10 @@ use rayon::prelude::*;
 use crate::axis::End;
 use crate::cg::System;
 use crate::multigrid::{Multigrid, Prolong, prolong, restrict};
-use crate::operator::{REACH, Scratch, SplineOperator, uniform_value};
+use crate::operator::{
+    REACH, Scratch, SplineOperator, factor_taps, pair, symmetric7, symmetric7_both,
+    symmetric7_pair, uniform_value,
+};
 use crate::plain::{FILTER, line_dot, row_weight};
 use crate::tile::{Beyond, Tile};
 
@@ -159,33 +162,44 @@ impl<const D: usize> System for FusedSystem<D> {
         let frame = self.operator.frame;
         let len = frame.slab_len();
         let (z, p, operator, uniform) = (&self.r_or_z, &self.p, &self.operator, &self.uniform);
-        let along = |scratch: &mut Scratch,
-                     (slab, (p_next, q)): (usize, (&mut [f32], &mut [f32]))| {
+        let along = |work: &mut Work, (slab, (p_next, q)): (usize, (&mut [f32], &mut [f32]))| {
             let tiles = frame.tiles(slab, REACH).into_iter().zip(&uniform[slab]);
-            let dot = |(tile, class): (Tile<D>, &Option<f32>)| {
-                let mut buffer = std::mem::take(&mut scratch.input);
-                dispatch(Combine {
-                    tile: &tile,
-                    z,
-                    p,
-                    beta,
-                    buffer: &mut buffer,
-                    p_next: &mut *p_next,
-                });
-                operator.apply_classified(&tile, *class, &buffer, scratch);
-                let dot = dispatch(StoreDot {
-                    tile: &tile,
-                    p: &buffer,
-                    q: &scratch.output,
-                    out: &mut *q,
-                });
-                scratch.input = buffer;
-                dot
+            let dot = |(tile, class): (Tile<D>, &Option<f32>)| match class {
+                Some(s) => {
+                    let rings = &mut work.rings;
+                    dispatch(Along {
+                        tile,
+                        operator,
+                        s: *s,
+                        z,
+                        p,
+                        beta,
+                        p_next: &mut *p_next,
+                        q: &mut *q,
+                        rings,
+                    })
+                }
+                None => {
+                    let mut buffer = std::mem::take(&mut work.scratch.input);
+                    dispatch(Combine {
+                        tile: &tile,
+                        z,
+                        p,
+                        beta,
+                        buffer: &mut buffer,
+                        p_next: &mut *p_next,
+                    });
+                    operator.apply_classified(&tile, None, &buffer, &mut work.scratch);
+                    let (q, out) = (&work.scratch.output, &mut *q);
+                    let dot = dispatch(StoreDot { tile: &tile, p: &buffer, q, out });
+                    work.scratch.input = buffer;
+                    dot
+                }
             };
             tiles.map(dot).sum::<f64>()
         };
         let outputs = self.p_or_nodal.par_chunks_mut(len).zip(self.q.par_chunks_mut(len));
-        let partial: Vec<f64> = outputs.enumerate().map_init(Scratch::default, along).collect();
+        let partial: Vec<f64> = outputs.enumerate().map_init(Work::default, along).collect();
         std::mem::swap(&mut self.p, &mut self.p_or_nodal);
         partial.iter().sum()
     }
@@ -645,6 +659,131 @@ impl<const D: usize> Kernel for Up<'_, D> {
             }
             if step >= 2 * HALO_UP {
                 dot += self.finish(step - HALO_UP);
+            }
+        }
+        dot
+    }
+}
+
+/// Buffers of one thread for the operator: rings where the screening is uniform, whole tiles elsewhere.
+#[derive(Default)]
+struct Work {
+    scratch: Scratch,
+    rings: OperatorRings,
+}
+
+/// The last planes of the operator's two products; see [`SplineOperator`].
+#[derive(Default)]
+struct OperatorRings {
+    load: Ring,
+    mass: [Ring; 2],
+    stiff: [Ring; 2],
+}
+
+/// `p_next = z + beta p`, `q = A p_next`, and `p_next . q`, on a tile of uniform screening `s`.
+struct Along<'a, const D: usize> {
+    tile: Tile<D>,
+    operator: &'a SplineOperator<D>,
+    s: f32,
+    z: &'a [f32],
+    p: &'a [f32],
+    beta: f32,
+    p_next: &'a mut [f32],
+    q: &'a mut [f32],
+    rings: &'a mut OperatorRings,
+}
+
+impl<const D: usize> Along<'_, D> {
+    /// Loads a plane and applies all axes but the last: `m' = M m`, `k' = M k + alpha K m`.
+    #[inline(always)]
+    fn load_plane(&mut self, plane: usize) {
+        let (e0, n0, halo) = (self.tile.extent(0), self.tile.core[0], self.tile.halo);
+        let strides = self.tile.strides();
+        let rows = strides[D - 1] / e0;
+        let OperatorRings { load, mass: [mass, mass_spare], stiff: [stiff, stiff_spare] } =
+            &mut *self.rings;
+        for row in 0..rows {
+            let line = &mut load.at_mut(plane)[row * e0..(row + 1) * e0];
+            self.tile.load_row_sum(plane * rows + row, self.z, self.beta, self.p, line);
+        }
+        if (halo..self.tile.extent(D - 1) - halo).contains(&plane) {
+            for (row, at) in core_rows_of(&self.tile, plane) {
+                let line = &load.at(plane)[row * e0 + halo..][..n0];
+                self.p_next[at..at + n0].copy_from_slice(line);
+            }
+        }
+        let (m_taps, k_taps) = factor_taps();
+        let (mut m, mut k) = (mass.at_mut(plane), stiff.at_mut(plane));
+        let (mut m_other, mut k_other) = (mass_spare.at_mut(plane), stiff_spare.at_mut(plane));
+        if D % 2 == 1 {
+            // The last of these axes must write the rings that are kept.
+            std::mem::swap(&mut m, &mut m_other);
+            std::mem::swap(&mut k, &mut k_other);
+        }
+        for d in 0..D - 1 {
+            let (lo, hi) = (REACH * strides[d], m.len() - REACH * strides[d]);
+            let k_taps = k_taps.map(|v| v * self.operator.alpha[d]);
+            if d == 0 {
+                let src = load.at(plane);
+                symmetric7_both(
+                    &mut m[lo..hi],
+                    &mut k[lo..hi],
+                    src,
+                    lo,
+                    strides[d],
+                    m_taps,
+                    k_taps,
+                );
+            } else {
+                symmetric7(&mut m[lo..hi], m_other, lo, strides[d], m_taps);
+                symmetric7_pair(&mut k[lo..hi], m_other, k_taps, k_other, m_taps, lo, strides[d]);
+            }
+            std::mem::swap(&mut m, &mut m_other);
+            std::mem::swap(&mut k, &mut k_other);
+        }
+    }
+
+    /// The last axis on one plane, and its share of the inner product.
+    #[inline(always)]
+    fn finish(&mut self, plane: usize) -> f64 {
+        let (tile, n0) = (self.tile, self.tile.core[0]);
+        let (mass, stiff) = factor_taps();
+        let alpha = self.operator.alpha[D - 1];
+        let taps: [f32; 4] = std::array::from_fn(|j| alpha * stiff[j] + self.s * mass[j]);
+        let mut dot = 0.0;
+        for (row, at) in core_rows_of(&tile, plane) {
+            let local = row * tile.extent(0) + tile.halo;
+            let m: [&[f32]; 7] = std::array::from_fn(|k| {
+                &self.rings.mass[0].at(plane + k - REACH)[local..local + n0]
+            });
+            let k: [&[f32]; 7] = std::array::from_fn(|k| {
+                &self.rings.stiff[0].at(plane + k - REACH)[local..local + n0]
+            });
+            let q = &mut self.q[at..at + n0];
+            pair(q, m, taps, k, mass);
+            dot +=
+                tile.weigh_row(plane * tile.strides()[D - 1] + local, &self.p_next[at..at + n0], q);
+        }
+        dot
+    }
+}
+
+impl<const D: usize> Kernel for Along<'_, D> {
+    type Output = f64;
+    #[inline(always)]
+    fn run(mut self) -> f64 {
+        let plane = self.tile.strides()[D - 1];
+        let OperatorRings { load, mass, stiff } = &mut *self.rings;
+        load.reset(1, plane);
+        for [kept, spare] in [mass, stiff] {
+            kept.reset(8, plane);
+            spare.reset(1, plane);
+        }
+        let mut dot = 0.0;
+        for step in 0..self.tile.extent(D - 1) {
+            self.load_plane(step);
+            if step >= 2 * REACH {
+                dot += self.finish(step - REACH);
             }
         }
         dot

@@ -325,6 +325,11 @@ impl<const D: usize> Level<D> {
         let mut out = std::mem::take(&mut self.spare);
         let (task, n0) = (self.task(), self.axes[0].len());
         let this = &*self;
+        if task >= out.len() {
+            dispatch(HalfSweep { level: this, colour, first_row: 0, out: &mut out });
+            self.spare = std::mem::replace(&mut self.u, out);
+            return;
+        }
         out.par_chunks_mut(task).enumerate().for_each(|(k, out)| {
             dispatch(HalfSweep { level: this, colour, first_row: k * task / n0, out });
         });

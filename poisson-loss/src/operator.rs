@@ -32,7 +32,7 @@ pub fn cell_points() -> [CellPoint; 2] {
 }
 
 /// Taps at offsets 0..3 of the symmetric factors `M` (values) and `K` (slopes).
-fn factor_taps() -> ([f32; 4], [f32; 4]) {
+pub fn factor_taps() -> ([f32; 4], [f32; 4]) {
     // By symmetry the point at +1/4 alone gives the mean over both.
     let auto = |w: [f64; 4]| {
         std::array::from_fn(|j| (0..4 - j).map(|k| w[k] * w[k + j]).sum::<f64>() as f32)
@@ -210,7 +210,7 @@ fn shifts7(src: &[f32], lo: usize, n: usize, stride: usize) -> [&[f32]; 7] {
 }
 
 #[inline(always)]
-fn symmetric7(dst: &mut [f32], src: &[f32], lo: usize, stride: usize, t: [f32; 4]) {
+pub fn symmetric7(dst: &mut [f32], src: &[f32], lo: usize, stride: usize, t: [f32; 4]) {
     let n = dst.len();
     let [a, b, c, d, e, f, g] = shifts7(src, lo, n, stride);
     for i in 0..n {
@@ -220,7 +220,7 @@ fn symmetric7(dst: &mut [f32], src: &[f32], lo: usize, stride: usize, t: [f32; 4
 
 /// Two stencils on the same input.
 #[inline(always)]
-fn symmetric7_both(
+pub fn symmetric7_both(
     first: &mut [f32],
     second: &mut [f32],
     src: &[f32],
@@ -240,7 +240,7 @@ fn symmetric7_both(
 }
 
 #[inline(always)]
-fn symmetric7_pair(
+pub fn symmetric7_pair(
     dst: &mut [f32],
     x: &[f32],
     t: [f32; 4],
@@ -250,8 +250,15 @@ fn symmetric7_pair(
     stride: usize,
 ) {
     let n = dst.len();
-    let [a, b, c, d, e, f, g] = shifts7(x, lo, n, stride);
-    let [h, j, k, l, m, o, p] = shifts7(y, lo, n, stride);
+    pair(dst, shifts7(x, lo, n, stride), t, shifts7(y, lo, n, stride), v);
+}
+
+/// Two symmetric stencils on the shifts of two inputs, added.
+#[inline(always)]
+pub fn pair(dst: &mut [f32], x: [&[f32]; 7], t: [f32; 4], y: [&[f32]; 7], v: [f32; 4]) {
+    let n = dst.len();
+    let [a, b, c, d, e, f, g] = x.map(|s| &s[..n]);
+    let [h, j, k, l, m, o, p] = y.map(|s| &s[..n]);
     for i in 0..n {
         let x = t[0] * d[i] + t[1] * (c[i] + e[i]) + t[2] * (b[i] + f[i]) + t[3] * (a[i] + g[i]);
         let y = v[0] * l[i] + v[1] * (k[i] + m[i]) + v[2] * (j[i] + o[i]) + v[3] * (h[i] + p[i]);

@@ -6,14 +6,27 @@
 
 use crate::axis::{End, ghost};
 
-/// Largest core of a piece along the outermost axis and along the others, by dimension.
-const fn core_limit(dimension: usize) -> (usize, [usize; 2]) {
+/// Largest core of a piece along the first axis and along the middle ones, by dimension.
+const fn core_limits(dimension: usize) -> [usize; 2] {
     match dimension {
-        1 => (4096, [4096, 1]),
-        2 => (64, [256, 64]),
-        3 => (32, [128, 32]),
-        _ => (16, [64, 16]),
+        1 => [4096, 1],
+        2 => [256, 1],
+        3 => [128, 32],
+        _ => [64, 16],
     }
+}
+
+/// Core of a piece along the outermost axis: about `aim` samples, an even number of pieces (two
+/// threads get the same share), and fixed by the shape alone.
+fn thickness(n: usize, dimension: usize) -> usize {
+    let aim = match dimension {
+        1 => return 4096,
+        2 => 96,
+        3 => 32,
+        _ => 16,
+    };
+    let pairs = ((n as f64 / (2 * aim) as f64).round() as usize).max(1);
+    n.div_ceil(2 * pairs).max(8)
 }
 
 /// A box of samples and what lies beyond its sides.
@@ -30,12 +43,12 @@ impl<const D: usize> Frame<D> {
 
     /// Samples of one slab: the piece of an array that one task writes.
     pub fn slab_len(&self) -> usize {
-        self.shape[..D - 1].iter().product::<usize>() * core_limit(D).0
+        self.shape[..D - 1].iter().product::<usize>() * thickness(self.shape[D - 1], D)
     }
 
     /// The tiles of slab number `slab`, with the given halo.
     pub fn tiles(&self, slab: usize, halo: usize) -> Vec<Tile<D>> {
-        let (thickness, limits) = core_limit(D);
+        let (thickness, limits) = (thickness(self.shape[D - 1], D), core_limits(D));
         let size = |d: usize| match d {
             _ if d + 1 == D => thickness,
             0 => limits[0],

@@ -168,6 +168,16 @@ impl<const D: usize> Region<D> for RasterMask<D> {
             row += nearest as usize * strides[d];
         }
         let row = &self.weights[row..row + shape[0]];
+        if (step - 1.0).abs() * (weights.len() as f32) < 1e-3 {
+            // The mask's own pitch: a shifted copy.
+            let first = (index[0] + 0.5).floor() as isize;
+            let skip = (-first).clamp(0, weights.len() as isize) as usize;
+            let source = row.get(first.max(0) as usize..).unwrap_or(&[]);
+            let n = source.len().min(weights.len() - skip);
+            weights.fill(0.0);
+            weights[skip..skip + n].copy_from_slice(&source[..n]);
+            return;
+        }
         for (i, weight) in weights.iter_mut().enumerate() {
             // A negative index saturates to 0 in the cast and is sorted out by the comparison.
             let nearest = (index[0] + i as f32 * step + 0.5).floor();

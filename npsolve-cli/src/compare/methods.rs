@@ -124,7 +124,7 @@ impl Case {
 
     /// Runs and measures all methods. A method that fails becomes a row that says why; without our
     /// own solution there is nothing to compare with.
-    pub fn run(&self, progress: &mut dyn FnMut(f32)) -> Result<Vec<Row>> {
+    pub fn run(&self, progress: &mut (dyn FnMut(f32) + Send)) -> Result<Vec<Row>> {
         let n = self.scene.channels();
         with_channels(n, Comparison { case: self, progress }).ok_or_else(|| {
             let (name, most) = (&self.scene.names[0], channels::MOST);
@@ -139,7 +139,7 @@ fn stem(path: &Path) -> String {
 
 struct Comparison<'a> {
     case: &'a Case,
-    progress: &'a mut dyn FnMut(f32),
+    progress: &'a mut (dyn FnMut(f32) + Send),
 }
 
 impl ChannelJob for Comparison<'_> {
