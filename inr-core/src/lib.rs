@@ -1,4 +1,68 @@
-//! Continuous fields over `R^D`.
+//! Continuous fields over `R^D`: signals with values and exact gradients at any point.
+//!
+//! A recording, a photograph, a scan or a light field is measured on a lattice, but it is used between
+//! the lattice points as well: it is shifted by fractions of a sample, enlarged, differentiated,
+//! integrated. This crate holds what such a signal is made of, once for every number of coordinates
+//! `D` and channels `C`:
+//!
+//! * [`Domain`]: a lattice of sample positions in physical space; [`Samples`]: the values on it;
+//! * [`Field`]: a function that gives values and [`Jet`]s (value and gradient) for batches of points;
+//! * [`Spline`]: the cubic B-spline through samples, the field of gridded signals;
+//! * [`Region`]: where something happens: painted masks, boxes, ellipsoids, and sets made of them;
+//! * [`Dual`] and [`Scalar`]: numbers that carry derivatives, with which a formula written once is
+//!   its own gradient ([`gradient`]) and, nested, its own second derivatives ([`Dual2`]).
+//!
+//! ```
+//! use inr_core::{Domain, Field, Jet, Samples, Spline, Unit, gradient};
+//!
+//! // 64 x 48 samples, a tenth of a millimetre apart.
+//! let domain = Domain::new([64, 48], [0.1, 0.1], [0.0, 0.0], Unit::Millimetre)?;
+//! let samples = Samples::<2, 1>::from_fn(domain, |[x, y]| [x.sin() * y.cos()]);
+//! let field = Spline::interpolate(&samples);
+//!
+//! // On the lattice the field has the samples' values; between them it follows the function.
+//! let (x, y) = (3.07, 2.41);
+//! let mut jets = [Jet::<2, 1>::ZERO; 2];
+//! field.eval_jet(&[domain.position([20, 30]), [x, y]], &mut jets);
+//! assert!((jets[0].value[0] - samples.plane(0)[20 + 64 * 30]).abs() < 1e-5);
+//! assert!((jets[1].value[0] - x.sin() * y.cos()).abs() < 1e-5);
+//!
+//! // Gradients are per physical unit, here per millimetre, and are not finite differences.
+//! let [along_x, along_y] = jets[1].grad[0];
+//! assert!((along_x - x.cos() * y.cos()).abs() < 1e-4);
+//! assert!((along_y + x.sin() * y.sin()).abs() < 1e-4);
+//!
+//! // The readable definition of the same field, in f64, through dual numbers.
+//! let (_, exact) = gradient(|p| field.eval_scalar(p)[0], [f64::from(x), f64::from(y)]);
+//! assert!((f64::from(along_x) - exact[0]).abs() < 1e-5);
+//! # Ok::<(), inr_core::Error>(())
+//! ```
+//!
+//! # Conventions
+//! * *Axes.* Axis 0 is contiguous in memory: x of an image (W, H), x of a volume (X, Y, Z). Channels
+//!   are planes, one after the other; [`Samples::from_interleaved`] takes the order of most files.
+//! * *Positions.* A sample is a point and owns the cell half a pitch around it. With unit pitch and
+//!   origin 0 pixel centres are at integers and an image covers `[-0.5, W - 0.5]`.
+//! * *Units.* Coordinates are physical: pixels, seconds, millimetres. A domain's pitch is the distance
+//!   between neighbours per axis; [`Domain::reference_pitch`], `h_ref`, is their geometric mean.
+//! * *Gradients.* `jet.grad[c][d]` is the derivative of channel `c` along axis `d`, per physical unit.
+//!   Multiplied by `h_ref` it no longer depends on the resolution.
+//! * *Beyond the border* a spline is its own mirror image about the outermost samples.
+//! * *Numbers.* Work is in `f32`, definitions and tests in `f64`. Every function gives the same bits
+//!   for any number of threads. NaN and infinity are not searched for on the way:
+//!   [`Samples::check_finite`] does it at the entrance.
+//!
+//! | letter | stands for |
+//! |---|---|
+//! | `D`, `C` | coordinates, channels |
+//! | `c`, `d` | index of a channel, of an axis |
+//! | `x`, `y` | points; values or jets at these points |
+//! | `h`, `n` | pitch of an axis; samples along it |
+//! | `t` | position between two knots, 0 to 1 |
+//!
+//! # What is left out
+//! Signals are held in memory as a whole. Fields with trainable parameters (networks, hash grids) can
+//! implement [`Field`], but none ships with this crate yet.
 
 mod basis;
 pub mod cpu;
