@@ -30,6 +30,10 @@
 //! assert!((direction[0].eps[0] - 1.0 / 500.0).abs() < 1e-12);
 //! # Ok::<(), nerf_render::Error>(())
 //! ```
+//!
+//! # What is left out
+//! Radiance fields themselves, sampling along rays and compositing are not here yet. Reading camera
+//! files is not this crate's work: poses arrive as camera-to-world matrices.
 
 mod camera;
 mod distortion;
