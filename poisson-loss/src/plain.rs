@@ -53,6 +53,16 @@ impl<const D: usize> PlainSystem<D> {
         mask(&self.free, &mut self.r);
     }
 
+    #[cfg(test)]
+    pub fn z(&self) -> &[f32] {
+        &self.z
+    }
+
+    #[cfg(test)]
+    pub fn q(&self) -> &[f32] {
+        &self.q
+    }
+
     fn dot(&self, a: &[f32], b: &[f32]) -> f64 {
         weighted_dot(&self.operator.frame, a, b)
     }

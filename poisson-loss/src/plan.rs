@@ -19,6 +19,13 @@ const LEAST_LENGTH: f32 = 2.0;
 /// `band`: factor of the colour weight and width in reference pitches.
 const BAND: (f32, f32) = (10.0, 2.0);
 
+/// Coupling lengths after which the change of the background is below the tolerance. At the edge
+/// it is at most about `exp(-2)` of the signals' range: most of the mismatch is a mean, which the
+/// region absorbs, and the rest is shared with the inside.
+fn decay_lengths(tolerance: f32) -> f32 {
+    (-tolerance.ln() - 2.0).max(1.0)
+}
+
 /// Weights of the quadratic form on the box that is solved for. One value per sample cell.
 pub struct Plan<const D: usize> {
     /// First background sample of the box.
@@ -71,7 +78,8 @@ impl<const D: usize> Plan<D> {
             _ => None,
         };
         let margin: [usize; D] = std::array::from_fn(|d| {
-            let decay = length.map_or(0.0, |l| l / domain.pitch()[d] * -options.tolerance.ln());
+            let decay =
+                length.map_or(0.0, |l| l / domain.pitch()[d] * decay_lengths(options.tolerance));
             let fixed = if matches!(options.objective, Objective::Paper { .. }) {
                 PAPER_MARGIN
             } else {

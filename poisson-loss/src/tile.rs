@@ -51,7 +51,7 @@ impl<const D: usize> Frame<D> {
         let (thickness, limits) = (thickness(self.shape[D - 1], D), core_limits(D));
         let size = |d: usize| match d {
             _ if d + 1 == D => thickness,
-            0 => limits[0],
+            0 => self.shape[0].div_ceil(self.shape[0].div_ceil(limits[0])),
             _ => limits[1],
         };
         let mut starts = vec![[0usize; D]];
