@@ -7,16 +7,21 @@
 
 use rayon::prelude::*;
 
+use crate::cpu::{Kernel, dispatch};
+
 /// The pole of the inverse of `[1 4 1] / 6`: `sqrt(3) - 2`.
 const POLE: f32 = -0.267_949_2;
 
 /// Samples run through before a piece begins: `|POLE|^16 = 7e-10`, far below f32 rounding.
 const WARM_UP: usize = 16;
 
-/// Lines, or samples side by side, that one recursion carries at once.
+/// Samples side by side that one recursion along an outer axis carries at once.
 const LANES: usize = 32;
 
-/// Samples along the filtered axis in one piece of an axis that is not contiguous.
+/// Lines that one recursion along the contiguous axis carries at once.
+const LINES: usize = 16;
+
+/// Samples along the filtered axis in one piece.
 const PIECE: usize = 128;
 
 /// Mirrors an index into `0..n`, whole-sample symmetric about both ends: period `2 (n - 1)`.
@@ -56,16 +61,61 @@ pub fn prefilter(shape: &[usize], data: &mut [f32]) {
         }
         inner *= n;
     }
-    let task = shape[0] * LANES;
-    if in_other {
-        let lines = data.par_chunks_mut(task).zip(other.par_chunks(task));
-        lines.for_each_init(Vec::new, |b, (dst, src)| {
-            dst.copy_from_slice(src);
-            filter_lines(shape[0], dst, b);
-        });
-    } else {
-        data.par_chunks_mut(task)
-            .for_each_init(Vec::new, |b, lines| filter_lines(shape[0], lines, b));
+    if shape[0] > 1 {
+        if !in_other {
+            other = data.to_vec();
+        }
+        filter_first_axis(shape[0], &other, data);
+    } else if in_other {
+        data.copy_from_slice(&other);
+    }
+}
+
+/// Filters contiguous lines of `n` samples from `src` into `dst`.
+fn filter_first_axis(n: usize, src: &[f32], dst: &mut [f32]) {
+    let lines = dst.par_chunks_mut(n * LINES).zip(src.par_chunks(n * LINES));
+    lines.for_each_init(
+        || vec![[0.0f32; LINES]; PIECE + 2 * WARM_UP],
+        |block, (dst, src)| {
+            for start in (0..n).step_by(PIECE) {
+                dispatch(LinesPiece { n, start, len: PIECE.min(n - start), src, dst, block });
+            }
+        },
+    );
+}
+
+/// One piece of up to [`LINES`] neighbouring lines, transposed so that the recursion runs down
+/// the lines side by side; the block stays in the first-level cache.
+struct LinesPiece<'a> {
+    n: usize,
+    start: usize,
+    len: usize,
+    src: &'a [f32],
+    dst: &'a mut [f32],
+    block: &'a mut [[f32; LINES]],
+}
+
+impl Kernel for LinesPiece<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { n, start, len, src, dst, block } = self;
+        let block = &mut block[..len + 2 * WARM_UP];
+        for (lane, line) in src.chunks_exact(n).enumerate() {
+            for (k, row) in block.iter_mut().enumerate() {
+                let i = (start + k) as isize - WARM_UP as isize;
+                row[lane] = match line.get(i as usize) {
+                    Some(v) => *v,
+                    None => line[mirror(i, n)],
+                };
+            }
+        }
+        recurse(block);
+        for (lane, line) in dst.chunks_exact_mut(n).enumerate() {
+            for (v, row) in line[start..start + len].iter_mut().zip(&block[WARM_UP..]) {
+                *v = row[lane];
+            }
+        }
     }
 }
 
@@ -73,55 +123,38 @@ pub fn prefilter(shape: &[usize], data: &mut [f32]) {
 fn filter_axis(n: usize, inner: usize, src: &[f32], dst: &mut [f32]) {
     dst.par_chunks_mut(n * inner).zip(src.par_chunks(n * inner)).for_each(|(dst, src)| {
         dst.par_chunks_mut(PIECE * inner).enumerate().for_each_init(Vec::new, |b, (k, piece)| {
-            filter_piece(n, inner, k * PIECE, src, piece, b);
+            dispatch(Piece { n, inner, start: k * PIECE, src, dst: piece, block: b });
         });
     });
 }
 
-/// Filters up to [`LANES`] contiguous lines of length `n` side by side, in place.
-fn filter_lines(n: usize, lines: &mut [f32], block: &mut Vec<[f32; LANES]>) {
-    if n == 1 {
-        return;
-    }
-    block.clear();
-    block.resize(n + 2 * WARM_UP, [0.0; LANES]);
-    for (lane, line) in lines.chunks_exact(n).enumerate() {
-        for (row, v) in block[WARM_UP..].iter_mut().zip(line) {
-            row[lane] = *v;
-        }
-    }
-    for k in 0..WARM_UP {
-        block[k] = block[WARM_UP + mirror(k as isize - WARM_UP as isize, n)];
-        block[n + WARM_UP + k] = block[WARM_UP + mirror((n + k) as isize, n)];
-    }
-    recurse(block);
-    for (lane, line) in lines.chunks_exact_mut(n).enumerate() {
-        for (row, v) in block[WARM_UP..].iter().zip(line) {
-            *v = row[lane];
-        }
-    }
-}
-
-/// Filters samples `start..` of an axis with stride `inner` into `piece`.
-fn filter_piece(
+/// Samples `start..` of an axis with stride `inner`.
+struct Piece<'a> {
     n: usize,
     inner: usize,
     start: usize,
-    src: &[f32],
-    piece: &mut [f32],
-    block: &mut Vec<[f32; LANES]>,
-) {
-    let len = piece.len() / inner;
-    block.resize(len + 2 * WARM_UP, [0.0; LANES]);
-    for left in (0..inner).step_by(LANES) {
-        let width = LANES.min(inner - left);
-        for (k, row) in block.iter_mut().enumerate() {
-            let i = mirror((start + k) as isize - WARM_UP as isize, n);
-            copy_row(&src[i * inner + left..][..width], &mut row[..width]);
-        }
-        recurse(block);
-        for (k, row) in block[WARM_UP..WARM_UP + len].iter().enumerate() {
-            copy_row(&row[..width], &mut piece[k * inner + left..][..width]);
+    src: &'a [f32],
+    dst: &'a mut [f32],
+    block: &'a mut Vec<[f32; LANES]>,
+}
+
+impl Kernel for Piece<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { n, inner, start, src, dst, block } = self;
+        let len = dst.len() / inner;
+        block.resize(len + 2 * WARM_UP, [0.0; LANES]);
+        for left in (0..inner).step_by(LANES) {
+            let width = LANES.min(inner - left);
+            for (k, row) in block.iter_mut().enumerate() {
+                let i = mirror((start + k) as isize - WARM_UP as isize, n);
+                copy_row(&src[i * inner + left..][..width], &mut row[..width]);
+            }
+            recurse(block);
+            for (k, row) in block[WARM_UP..WARM_UP + len].iter().enumerate() {
+                copy_row(&row[..width], &mut dst[k * inner + left..][..width]);
+            }
         }
     }
 }
@@ -136,23 +169,22 @@ fn copy_row(src: &[f32], dst: &mut [f32]) {
 }
 
 /// Both recursions along the rows of a block that begins and ends with its warm-up.
-fn recurse(block: &mut [[f32; LANES]]) {
-    let last = block.len() - 1;
-    for k in 0..=last {
-        let before = if k == 0 { [0.0; LANES] } else { block[k - 1] };
-        for lane in 0..LANES {
-            block[k][lane] = 6.0 * block[k][lane] + POLE * before[lane];
+#[inline(always)]
+fn recurse<const N: usize>(block: &mut [[f32; N]]) {
+    let mut state = [0.0; N];
+    for row in block.iter_mut() {
+        for lane in 0..N {
+            state[lane] = 6.0 * row[lane] + POLE * state[lane];
         }
+        *row = state;
     }
-    // The anticausal start for a signal that is zero beyond the block; any start decays anyway.
-    for lane in 0..LANES {
-        block[last][lane] *= -POLE;
-    }
-    for k in (0..last).rev() {
-        let after = block[k + 1];
-        for lane in 0..LANES {
-            block[k][lane] = POLE * (after[lane] - block[k][lane]);
+    // Any start of the anticausal recursion decays within the warm-up.
+    let mut state = [0.0; N];
+    for row in block.iter_mut().rev() {
+        for lane in 0..N {
+            state[lane] = POLE * (state[lane] - row[lane]);
         }
+        *row = state;
     }
 }
 

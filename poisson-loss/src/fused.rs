@@ -761,14 +761,15 @@ impl<const D: usize> Along<'_, D> {
             std::array::from_fn(|k| load.at((row + k).wrapping_add_signed(taps.first)));
         let n = values.len();
         let ([a, b, c, d], t) = (rows.map(|row| &row[..n]), taps.value);
+        let line = &mut values[..n];
         for i in 0..n {
-            values[i] = t[0] * a[i] + t[1] * b[i] + t[2] * c[i] + t[3] * d[i];
+            line[i] = t[0] * a[i] + t[1] * b[i] + t[2] * c[i] + t[3] * d[i];
         }
         let (weight, out) = (&weight.at(row)[..n], rings[half].at_mut(row));
         for (column, point) in points.iter().enumerate() {
             gather4(across, values, point.first, 1, point.value);
-            for i in 0..n {
-                across[i] *= weight[i];
+            for (v, w) in across.iter_mut().zip(weight) {
+                *v *= w;
             }
             scatter4(out, across, point.first, 1, point.value, column == 1);
         }
