@@ -76,8 +76,7 @@ impl<const D: usize, const C: usize> Spline<D, C> {
                 weight *= weights[d][tap];
             }
             for c in 0..C {
-                value[c] =
-                    value[c] + weight * T::from_f64(f64::from(self.coefficients.plane(c)[at]));
+                value[c] += weight * T::from_f64(f64::from(self.coefficients.plane(c)[at]));
             }
         }
         value

@@ -345,7 +345,7 @@ impl<'a, const D: usize> Smoother<'a, D> {
         let (src, dst, spare) = (src.at(plane), dst.at_mut(plane), spare.at_mut(plane));
         for d in 0..D - 1 {
             // Buffers take turns so that the last of these axes writes `dst`.
-            match (d == 0, (D - 2 - d) % 2 == 0) {
+            match (d == 0, (D - 2 - d).is_multiple_of(2)) {
                 (true, true) => filter_axis(dst, src, self.strides[d]),
                 (true, false) => filter_axis(spare, src, self.strides[d]),
                 (false, true) => filter_axis(dst, spare, self.strides[d]),
@@ -997,7 +997,11 @@ mod tests {
     fn fused_matches_plain_volumes() {
         use End::{Mirror, Zero};
         for mixed in [false, true] {
-            fused_matches_plain([21, 18, 35], [[Mirror, Zero], [Zero, Zero], [Mirror, Mirror]], mixed);
+            fused_matches_plain(
+                [21, 18, 35],
+                [[Mirror, Zero], [Zero, Zero], [Mirror, Mirror]],
+                mixed,
+            );
         }
     }
 }

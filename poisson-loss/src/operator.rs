@@ -194,7 +194,7 @@ impl<const D: usize> Kernel for Uniform<'_, D> {
                     symmetric7_pair(out, m, taps, k, mass, lo, stride);
                 }
             }
-            if D % 2 == 0 {
+            if D.is_multiple_of(2) {
                 // An odd number of swaps so far: every plane starts from the same buffers.
                 std::mem::swap(&mut m, &mut m_next);
                 std::mem::swap(&mut k, &mut k_next);

@@ -208,7 +208,7 @@ pub(crate) fn solved_box<const D: usize>(
             hi = n;
         }
         let zeros = usize::from(lo > 0) + usize::from(hi < n);
-        if (hi - lo + zeros) % 2 == 0 && margin[d] > 1 {
+        if (hi - lo + zeros).is_multiple_of(2) && margin[d] > 1 {
             if hi < n {
                 hi -= 1;
             } else if lo > 0 {

@@ -27,15 +27,15 @@ impl<const D: usize, const C: usize> Pair<D, C> {
     /// one seed. Something is always inside and something outside.
     pub fn random(seed: u64) -> Self {
         let mut random = Random::new(seed);
-        random.next();
+        random.unit();
         let most = most(D);
         let shape =
-            std::array::from_fn(|_| most / 2 + (random.next() * (most / 2 + 1) as f64) as usize);
-        let pitch = std::array::from_fn(|_| 0.7 + 0.6 * random.next() as f32);
-        let origin = std::array::from_fn(|_| 4.0 * random.next() as f32 - 2.0);
+            std::array::from_fn(|_| most / 2 + (random.unit() * (most / 2 + 1) as f64) as usize);
+        let pitch = std::array::from_fn(|_| 0.7 + 0.6 * random.unit() as f32);
+        let origin = std::array::from_fn(|_| 4.0 * random.unit() as f32 - 2.0);
         let domain = Domain::new(shape, pitch, origin, Unit::Sample).expect("a valid lattice");
-        let centre: [f64; D] = std::array::from_fn(|_| 0.5 * random.next() - 0.25);
-        let (kind, radius) = ((random.next() * 3.0) as usize, 0.4 + 0.3 * random.next());
+        let centre: [f64; D] = std::array::from_fn(|_| 0.5 * random.unit() - 0.25);
+        let (kind, radius) = ((random.unit() * 3.0) as usize, 0.4 + 0.3 * random.unit());
         let region = mask(domain, |u| {
             let r = (0..D).map(|d| (u[d] - centre[d]).powi(2)).sum::<f64>().sqrt();
             f64::from(match kind {

@@ -13,7 +13,7 @@ impl Random {
     }
 
     /// The next number.
-    pub fn next(&mut self) -> f64 {
+    pub fn unit(&mut self) -> f64 {
         self.0 =
             self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
@@ -24,10 +24,10 @@ impl Random {
 pub fn textured<const D: usize, const C: usize>(domain: Domain<D>, seed: u64) -> Samples<D, C> {
     let mut random = Random::new(seed);
     let waves: Vec<[[f64; D]; 3]> = (0..C)
-        .map(|_| std::array::from_fn(|_| std::array::from_fn(|_| random.next() - 0.5)))
+        .map(|_| std::array::from_fn(|_| std::array::from_fn(|_| random.unit() - 0.5)))
         .collect();
-    let phase: Vec<f64> = (0..3 * C).map(|_| 6.28 * random.next()).collect();
-    let level: Vec<f64> = (0..C).map(|_| 0.35 + 0.3 * random.next()).collect();
+    let phase: Vec<f64> = (0..3 * C).map(|_| std::f64::consts::TAU * random.unit()).collect();
+    let level: Vec<f64> = (0..C).map(|_| 0.35 + 0.3 * random.unit()).collect();
     Samples::from_fn(domain, |x| {
         std::array::from_fn(|c| {
             let wave = |k: usize| {
@@ -35,7 +35,7 @@ pub fn textured<const D: usize, const C: usize>(domain: Domain<D>, seed: u64) ->
                 ((0.3 + k as f64) * dot + phase[3 * c + k]).sin()
             };
             let smooth: f64 = (0..3).map(|k| 0.12 * wave(k)).sum();
-            (level[c] + smooth + 0.05 * (random.next() - 0.5)) as f32
+            (level[c] + smooth + 0.05 * (random.unit() - 0.5)) as f32
         })
     })
 }

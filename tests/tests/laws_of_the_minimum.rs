@@ -24,7 +24,7 @@ fn energy_is_a_square_around_the_minimum<const D: usize, const C: usize>() {
             let terms = case.terms(&lattice, blend.report.length);
             for c in 0..C {
                 let change: Vec<f64> =
-                    best[c].iter().map(|_| 0.05 * (random.next() - 0.5)).collect();
+                    best[c].iter().map(|_| 0.05 * (random.unit() - 0.5)).collect();
                 let moved: Vec<f64> = best[c].iter().zip(&change).map(|(a, b)| a + b).collect();
                 let mut homogeneous = terms[c].clone();
                 for t in &mut homogeneous {
@@ -122,19 +122,19 @@ fn membranes_have_no_new_extremum<const D: usize, const C: usize>() {
         for options in [screened(2.0), Options::with_objective(Objective::Dirichlet)] {
             let blend = pair.blend(Guidance::Mix { mu: 0.0, phi: 0.0 }, options);
             for c in 0..C {
-                let weights = pair.region.weights();
-                let range = |samples: &Samples<D, C>, inside: bool| {
-                    samples
-                        .plane(c)
-                        .iter()
-                        .zip(weights)
-                        .filter(|(_, w)| (**w > 0.5) == inside)
-                        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (v, _)| {
-                            (lo.min(f64::from(*v)), hi.max(f64::from(*v)))
-                        })
+                // With fixed values the coefficients that a point outside sees keep the background
+                // two samples deep.
+                let depth = -2.5 * pair.background.domain().pitch().into_iter().fold(0.0, f32::max);
+                let distances = pair.region.signed_distances();
+                let range = |samples: &Samples<D, C>, at: &dyn Fn(f32) -> bool| {
+                    let values = samples.plane(c).iter().zip(distances);
+                    values
+                        .filter(|(_, d)| at(**d))
+                        .map(|(v, _)| f64::from(*v))
+                        .fold((f64::INFINITY, f64::NEG_INFINITY), |r, v| (r.0.min(v), r.1.max(v)))
                 };
-                let (lo, hi) = range(&pair.background, false);
-                let (low, high) = range(&blend, true);
+                let (lo, hi) = range(&pair.background, &|d| d > depth);
+                let (low, high) = range(&blend, &|d| d < 0.0);
                 let over = (lo - low).max(high - hi) / (hi - lo);
                 println!("membrane, D = {D}: {over:.3}");
                 assert!(
