@@ -128,6 +128,27 @@ fn masks_of_every_topology() {
 }
 
 #[test]
+fn dirichlet_slabs_across_every_axis() {
+    fn slab<const D: usize>(shape: [usize; D], axis: usize, above: bool) {
+        let domain = Domain::unit(shape).unwrap();
+        let region = mask(domain, |u| f64::from((u[axis] > 0.1) == above));
+        let (background, patch) = (textured::<D, 1>(domain, 1), textured::<D, 1>(domain, 2));
+        let case = Case {
+            background: &background,
+            patch: &patch,
+            region: &region,
+            guidance: Guidance::Patch,
+            options: Options::with_objective(Objective::Dirichlet),
+        };
+        check(&format!("slab of {shape:?} across axis {axis}, above: {above}"), &case);
+    }
+    for above in [false, true] {
+        (0..2).for_each(|axis| slab([28, 23], axis, above));
+        (0..3).for_each(|axis| slab([9, 10, 11], axis, above));
+    }
+}
+
+#[test]
 fn sub_pixel_and_field_patches_use_the_continuous_patch() {
     // A patch that is a spline itself, placed by half samples: the same field sampled finely and
     // whole must give the same blend as the field handed over directly.
