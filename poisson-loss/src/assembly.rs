@@ -410,7 +410,11 @@ impl<const D: usize, const C: usize> Assembly<'_, D, C> {
         tile.load(&self.weights.region, Beyond::Edge, &mut buffers.region);
         match (uniform_value(&buffers.guide), uniform_value(&buffers.region)) {
             (Some(0.0), Some(0.0)) => false,
-            (Some(1.0), Some(1.0)) if self.inputs.linear && self.plan.gamma.is_empty() => {
+            (Some(1.0), Some(1.0))
+                if self.inputs.linear
+                    && self.plan.gamma.is_empty()
+                    && self.plan.free.is_empty() =>
+            {
                 // Deep inside the first guess is exact, unless another field's colours are kept.
                 self.plan.keep > 0.0 && self.inputs.target.is_some()
             }
