@@ -1,3 +1,5 @@
+use std::sync::Mutex;
+
 use inr_core::Samples;
 use rayon::prelude::*;
 
@@ -5,14 +7,14 @@ use crate::assembly::Initial;
 use crate::axis::{Axis, ghost};
 use crate::banded;
 use crate::cg::{self, Convergence};
-use crate::fused::FusedSystem;
+use crate::fused::{FusedOperator, FusedSystem};
 use crate::multigrid::Multigrid;
 use crate::operator::SplineOperator;
 use crate::plain::PlainSystem;
 use crate::plan::Plan;
 use crate::problem::{Problem, put_box};
 use crate::tile::Frame;
-use crate::{Error, Result};
+use crate::{Error, Options, Result};
 
 /// Screening that stands for a fixed value in the preconditioner of Dirichlet problems, in units
 /// of the Laplacian's coefficients.
@@ -88,7 +90,7 @@ fn solve_here<const D: usize, const C: usize>(
     progress: &mut (dyn FnMut(f32) + Send),
 ) -> Result<Blend<D, C>> {
     let plan = Plan::new(problem)?;
-    let options = problem.options;
+    let options = &problem.options;
     let mut report = Report {
         iterations: 0,
         residual: 0.0,
@@ -109,26 +111,41 @@ fn solve_here<const D: usize, const C: usize>(
         (report.iterations, report.residual) = (1, residual);
         return Ok(Blend { samples, report });
     }
-    let initial = Initial::new(problem, &plan)?;
-    let mut system = Engine::new(&plan);
-    let (inner, outer) = (initial.frame.shape, plan.frame.shape);
-    let place: [usize; D] = std::array::from_fn(|d| initial.start[d] - plan.start[d]);
-    for (c, (residual, change)) in initial.residual.into_iter().zip(initial.change).enumerate() {
-        system.restart(|r| put_box(&residual, inner, place, outer, r, |r, v| *r = v));
+    let Initial { start, frame, change, residual } = Initial::new(problem, &plan)?;
+    let place: [usize; D] = std::array::from_fn(|d| start[d] - plan.start[d]);
+    let engine = Engine::new(&plan);
+    let domain = *problem.background.domain();
+    let shared = Mutex::new((progress, [0.0; C]));
+    let solve_channel = |c: usize, plane: &mut [f32], residual: Vec<f32>, change: Vec<f32>| {
         let step = &mut |_: usize, residual: f64| {
             let share = (residual.ln() / f64::from(options.tolerance).ln()).clamp(0.0, 1.0);
-            progress((c as f32 + share as f32) / C as f32);
+            if let Ok(mut shared) = shared.lock() {
+                let (progress, shares) = &mut *shared;
+                shares[c] = share as f32;
+                progress(shares.iter().sum::<f32>() / C as f32);
+            }
         };
-        let Convergence { iterations, residual, energy, converged } =
-            system.solve(f64::from(options.tolerance), options.max_iterations, FLOOR, step);
+        let mut r = vec![0.0; plan.frame.len()];
+        put_box(&residual, frame.shape, place, plan.frame.shape, &mut r, |r, v| *r = v);
+        drop(residual);
+        let (mut x, convergence) = engine.solve(r, options, step);
+        put_box(&change, frame.shape, place, plan.frame.shape, &mut x, |x, e| *x += e);
+        add_nodal(&plan, &x, plane, domain.shape());
+        convergence
+    };
+    // Channels are independent: solved side by side they share their idle moments.
+    let channels = samples.as_planar_mut().par_chunks_mut(domain.len());
+    let channels = channels.zip(residual.into_par_iter().zip(change)).enumerate().with_max_len(1);
+    let solved: Vec<Convergence> = channels
+        .map(|(c, (plane, (residual, change)))| solve_channel(c, plane, residual, change))
+        .collect();
+    for Convergence { iterations, residual, energy, converged } in solved {
         if !converged {
             return Err(Error::NotConverged { iterations, residual });
         }
         report.iterations = report.iterations.max(iterations);
         report.residual = report.residual.max(residual);
         report.excess += energy / plan.measure;
-        put_box(&change, inner, place, outer, system.x_mut(), |x, e| *x += e);
-        add_nodal(&plan, system.x_mut(), samples.plane_mut(c), problem.background.domain().shape());
     }
     Ok(Blend { samples, report })
 }
@@ -140,79 +157,57 @@ fn copy(src: &[f32], dst: &mut [f32]) {
         .for_each(|(d, s)| d.copy_from_slice(s));
 }
 
-/// The fused system where it applies, the plain one elsewhere.
-enum Engine<const D: usize> {
-    Plain(Box<PlainSystem<D>>),
-    Fused(Box<FusedSystem<D>>),
+/// The fused system where it applies, the plain one elsewhere; shared by all channels.
+enum Engine<'a, const D: usize> {
+    Plain { operator: SplineOperator<D>, multigrid: Multigrid<D>, free: &'a [bool] },
+    Fused(FusedOperator<D>),
 }
 
-impl<const D: usize> Engine<D> {
-    fn new(plan: &Plan<D>) -> Self {
-        let small = (0..D).all(|d| plan.frame.shape[d] < 8);
-        if !plan.gamma.is_empty() || !plan.free.is_empty() || small {
-            return Self::Plain(Box::new(plain_system(plan)));
-        }
-        let screening = plan.screening();
-        let axes = axes(plan);
-        let multigrid = Multigrid::without_finest(axes, screening.clone());
-        if multigrid.levels.len() < 2 {
-            return Self::Plain(Box::new(plain_system(plan)));
-        }
+impl<'a, const D: usize> Engine<'a, D> {
+    fn new(plan: &'a Plan<D>) -> Self {
+        let frame = plan.frame;
+        let (screening, free) = (plan.screening(), &plan.free[..]);
+        let axes: [Axis; D] =
+            std::array::from_fn(|d| Axis::uniform(frame.shape[d], frame.ends[d], plan.alpha[d]));
+        let nodal = if free.is_empty() {
+            screening.clone()
+        } else {
+            free.iter().zip(&screening).map(|(f, s)| if *f { *s } else { FIXED }).collect()
+        };
         let operator =
-            SplineOperator { frame: plan.frame, alpha: plan.alpha, screening, gamma: Vec::new() };
-        Self::Fused(Box::new(FusedSystem::new(operator, multigrid)))
-    }
-
-    fn restart(&mut self, fill: impl FnOnce(&mut [f32])) {
-        match self {
-            Self::Plain(system) => system.restart(fill),
-            Self::Fused(system) => system.restart(fill),
+            SplineOperator { frame, alpha: plan.alpha, screening, gamma: plan.gamma.clone() };
+        let small = (0..D).all(|d| frame.shape[d] < 8);
+        if plan.gamma.is_empty() && free.is_empty() && !small {
+            let multigrid = Multigrid::without_finest(axes.clone(), nodal.clone());
+            if multigrid.levels.len() > 1 {
+                return Self::Fused(FusedOperator::new(operator, multigrid));
+            }
         }
+        let multigrid = Multigrid::new(axes, nodal, plan.gamma.clone());
+        Self::Plain { operator, multigrid, free }
     }
 
+    /// The solution of one right-hand side.
     fn solve(
-        &mut self,
-        tolerance: f64,
-        most: usize,
-        floor: f64,
+        &self,
+        r: Vec<f32>,
+        options: &Options,
         step: &mut dyn FnMut(usize, f64),
-    ) -> Convergence {
+    ) -> (Vec<f32>, Convergence) {
+        let (tolerance, most) = (f64::from(options.tolerance), options.max_iterations);
         match self {
-            Self::Plain(system) => cg::solve(&mut **system, tolerance, most, floor, step),
-            Self::Fused(system) => cg::solve(&mut **system, tolerance, most, floor, step),
+            Self::Plain { operator, multigrid, free } => {
+                let mut system = PlainSystem::new(operator, multigrid, free, r);
+                let convergence = cg::solve(&mut system, tolerance, most, FLOOR, step);
+                (system.x, convergence)
+            }
+            Self::Fused(shared) => {
+                let mut system = FusedSystem::new(shared, r);
+                let convergence = cg::solve(&mut system, tolerance, most, FLOOR, step);
+                (system.x, convergence)
+            }
         }
     }
-
-    fn x_mut(&mut self) -> &mut [f32] {
-        match self {
-            Self::Plain(system) => &mut system.x,
-            Self::Fused(system) => &mut system.x,
-        }
-    }
-}
-
-fn axes<const D: usize>(plan: &Plan<D>) -> [Axis; D] {
-    std::array::from_fn(|d| Axis::uniform(plan.frame.shape[d], plan.frame.ends[d], plan.alpha[d]))
-}
-
-fn plain_system<const D: usize>(plan: &Plan<D>) -> PlainSystem<D> {
-    let screening = plan.screening();
-    let axes = std::array::from_fn(|d| {
-        Axis::uniform(plan.frame.shape[d], plan.frame.ends[d], plan.alpha[d])
-    });
-    let nodal = if plan.free.is_empty() {
-        screening.clone()
-    } else {
-        plan.free.iter().zip(&screening).map(|(f, s)| if *f { *s } else { FIXED }).collect()
-    };
-    let multigrid = Multigrid::new(axes, nodal, plan.gamma.clone());
-    let operator = SplineOperator {
-        frame: plan.frame,
-        alpha: plan.alpha,
-        screening,
-        gamma: plan.gamma.clone(),
-    };
-    PlainSystem::new(operator, multigrid, plan.free.clone())
 }
 
 /// Adds the spline with these coefficients, at its knots, to the box's part of a plane.

@@ -166,18 +166,13 @@ impl<const D: usize> Kernel for Uniform<'_, D> {
                 );
                 let stiff = stiff.map(|v| v * self.alpha[d]);
                 if d == 0 {
-                    symmetric7_both(
-                        &mut m_next[lo..hi],
-                        &mut k_next[lo..hi],
-                        self.c,
-                        lo,
-                        strides[d],
-                        mass,
-                        stiff,
-                    );
+                    let src = shifts7(self.c, lo, hi - lo, strides[d]);
+                    symmetric7_both(&mut m_next[lo..hi], &mut k_next[lo..hi], src, mass, stiff);
                 } else {
-                    symmetric7(&mut m_next[lo..hi], m, lo, strides[d], mass);
-                    symmetric7_pair(&mut k_next[lo..hi], m, stiff, k, mass, lo, strides[d]);
+                    let (x, y) =
+                        (shifts7(m, lo, hi - lo, strides[d]), shifts7(k, lo, hi - lo, strides[d]));
+                    symmetric7(&mut m_next[lo..hi], x, mass);
+                    pair(&mut k_next[lo..hi], x, stiff, y, mass);
                 }
                 std::mem::swap(&mut m, &mut m_next);
                 std::mem::swap(&mut k, &mut k_next);
@@ -189,9 +184,10 @@ impl<const D: usize> Kernel for Uniform<'_, D> {
                 let taps: [f32; 4] =
                     std::array::from_fn(|j| self.alpha[D - 1] * stiff[j] + self.s * mass[j]);
                 if D == 1 {
-                    symmetric7(out, self.c, lo, stride, taps);
+                    symmetric7(out, shifts7(self.c, lo, stride, stride), taps);
                 } else {
-                    symmetric7_pair(out, m, taps, k, mass, lo, stride);
+                    let (x, y) = (shifts7(m, lo, stride, stride), shifts7(k, lo, stride, stride));
+                    pair(out, x, taps, y, mass);
                 }
             }
             if D.is_multiple_of(2) {
@@ -210,9 +206,9 @@ fn shifts7(src: &[f32], lo: usize, n: usize, stride: usize) -> [&[f32]; 7] {
 }
 
 #[inline(always)]
-pub fn symmetric7(dst: &mut [f32], src: &[f32], lo: usize, stride: usize, t: [f32; 4]) {
+pub fn symmetric7(dst: &mut [f32], src: [&[f32]; 7], t: [f32; 4]) {
     let n = dst.len();
-    let [a, b, c, d, e, f, g] = shifts7(src, lo, n, stride);
+    let [a, b, c, d, e, f, g] = src.map(|s| &s[..n]);
     for i in 0..n {
         dst[i] = t[0] * d[i] + t[1] * (c[i] + e[i]) + t[2] * (b[i] + f[i]) + t[3] * (a[i] + g[i]);
     }
@@ -223,34 +219,18 @@ pub fn symmetric7(dst: &mut [f32], src: &[f32], lo: usize, stride: usize, t: [f3
 pub fn symmetric7_both(
     first: &mut [f32],
     second: &mut [f32],
-    src: &[f32],
-    lo: usize,
-    stride: usize,
+    src: [&[f32]; 7],
     t: [f32; 4],
     v: [f32; 4],
 ) {
     let n = first.len();
     let second = &mut second[..n];
-    let [a, b, c, d, e, f, g] = shifts7(src, lo, n, stride);
+    let [a, b, c, d, e, f, g] = src.map(|s| &s[..n]);
     for i in 0..n {
         let (ce, bf, ag) = (c[i] + e[i], b[i] + f[i], a[i] + g[i]);
         first[i] = t[0] * d[i] + t[1] * ce + t[2] * bf + t[3] * ag;
         second[i] = v[0] * d[i] + v[1] * ce + v[2] * bf + v[3] * ag;
     }
-}
-
-#[inline(always)]
-pub fn symmetric7_pair(
-    dst: &mut [f32],
-    x: &[f32],
-    t: [f32; 4],
-    y: &[f32],
-    v: [f32; 4],
-    lo: usize,
-    stride: usize,
-) {
-    let n = dst.len();
-    pair(dst, shifts7(x, lo, n, stride), t, shifts7(y, lo, n, stride), v);
 }
 
 /// Two symmetric stencils on the shifts of two inputs, added.

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use crate::cg::System;
-use crate::multigrid::Multigrid;
+use crate::multigrid::{Multigrid, Vectors};
 use crate::operator::SplineOperator;
 use crate::tile::{Beyond, Frame};
 
@@ -15,12 +15,13 @@ pub const FILTER: [f32; 3] = [1.71229, -0.51891, 0.14280];
 /// Samples of one partial sum; fixed, so that dot products do not depend on the threads.
 const CHUNK: usize = 1 << 14;
 
-/// The spline system with vectors of its own.
-pub struct PlainSystem<const D: usize> {
-    pub operator: SplineOperator<D>,
-    pub multigrid: Multigrid<D>,
+/// The spline system of one right-hand side, with vectors of its own.
+pub struct PlainSystem<'a, const D: usize> {
+    operator: &'a SplineOperator<D>,
+    multigrid: &'a Multigrid<D>,
+    work: Vec<Vectors>,
     /// Coefficients that may change; empty where all may.
-    pub free: Vec<bool>,
+    free: &'a [bool],
     pub x: Vec<f32>,
     pub r: Vec<f32>,
     p: Vec<f32>,
@@ -28,29 +29,18 @@ pub struct PlainSystem<const D: usize> {
     z: Vec<f32>,
 }
 
-impl<const D: usize> PlainSystem<D> {
-    pub fn new(operator: SplineOperator<D>, multigrid: Multigrid<D>, free: Vec<bool>) -> Self {
-        let n = operator.frame.len();
-        let zeros = || vec![0.0; n];
-        Self {
-            operator,
-            multigrid,
-            free,
-            x: zeros(),
-            r: zeros(),
-            p: zeros(),
-            q: zeros(),
-            z: zeros(),
-        }
-    }
-
-    /// Starts on another right-hand side, written by `fill` into a zeroed vector.
-    pub fn restart(&mut self, fill: impl FnOnce(&mut [f32])) {
-        self.r.fill(0.0);
-        fill(&mut self.r);
-        self.x.fill(0.0);
-        self.p.fill(0.0);
-        mask(&self.free, &mut self.r);
+impl<'a, const D: usize> PlainSystem<'a, D> {
+    /// Starts on the right-hand side `r`.
+    pub fn new(
+        operator: &'a SplineOperator<D>,
+        multigrid: &'a Multigrid<D>,
+        free: &'a [bool],
+        mut r: Vec<f32>,
+    ) -> Self {
+        mask(free, &mut r);
+        let zeros = || vec![0.0; r.len()];
+        let (x, p, q, z) = (zeros(), zeros(), zeros(), zeros());
+        Self { operator, multigrid, work: multigrid.vectors(0), free, x, r, p, q, z }
     }
 
     #[cfg(test)]
@@ -68,22 +58,21 @@ impl<const D: usize> PlainSystem<D> {
     }
 }
 
-impl<const D: usize> System for PlainSystem<D> {
+impl<const D: usize> System for PlainSystem<'_, D> {
     fn precondition(&mut self) -> f64 {
         filter(&self.operator.frame, &self.r, &mut self.z, &mut self.q);
-        let finest = &mut self.multigrid.levels[0];
-        std::mem::swap(&mut finest.f, &mut self.z);
-        self.multigrid.cycle(0);
-        std::mem::swap(&mut self.multigrid.levels[0].f, &mut self.z);
-        filter(&self.operator.frame, &self.multigrid.levels[0].u, &mut self.z, &mut self.q);
-        mask(&self.free, &mut self.z);
+        std::mem::swap(&mut self.work[0].f, &mut self.z);
+        self.multigrid.cycle(&mut self.work, 0);
+        std::mem::swap(&mut self.work[0].f, &mut self.z);
+        filter(&self.operator.frame, &self.work[0].u, &mut self.z, &mut self.q);
+        mask(self.free, &mut self.z);
         self.dot(&self.r, &self.z)
     }
 
     fn direction(&mut self, beta: f32) -> f64 {
         self.p.par_iter_mut().zip(&self.z).for_each(|(p, z)| *p = z + beta * *p);
         self.operator.apply(&self.p, &mut self.q);
-        mask(&self.free, &mut self.q);
+        mask(self.free, &mut self.q);
         self.dot(&self.p, &self.q)
     }
 

@@ -6,6 +6,9 @@
 
 use crate::axis::{End, ghost};
 
+/// Samples of the widest vector.
+const LANES: usize = 16;
+
 /// Largest core of a piece along the first axis and along the middle ones, by dimension.
 const fn core_limits(dimension: usize) -> [usize; 2] {
     match dimension {
@@ -51,7 +54,10 @@ impl<const D: usize> Frame<D> {
         let (thickness, limits) = (thickness(self.shape[D - 1], D), core_limits(D));
         let size = |d: usize| match d {
             _ if d + 1 == D => thickness,
-            0 => self.shape[0].div_ceil(self.shape[0].div_ceil(limits[0])),
+            0 => {
+                let even = self.shape[0].div_ceil(self.shape[0].div_ceil(limits[0]));
+                even.next_multiple_of(LANES)
+            }
             _ => limits[1],
         };
         let mut starts = vec![[0usize; D]];
@@ -95,9 +101,12 @@ pub struct Tile<const D: usize> {
 }
 
 impl<const D: usize> Tile<D> {
-    /// Samples of the buffer along an axis.
+    /// Samples of the buffer along an axis: the core and both halos, and along the first axis as
+    /// many more after them as make a row whole vectors.
+    #[inline(always)]
     pub fn extent(&self, d: usize) -> usize {
-        self.core[d] + 2 * self.halo
+        let n = self.core[d] + 2 * self.halo;
+        if d == 0 && D > 1 { n.next_multiple_of(LANES) } else { n }
     }
 
     /// Samples of the buffer.
@@ -197,8 +206,14 @@ impl<const D: usize> Tile<D> {
     fn fill_edges(&self, dst: &mut [f32], beyond: Beyond, value: impl Fn(usize) -> f32) {
         let (left, right, _) = self.straight();
         let first = self.start[0] as isize - self.halo as isize;
-        for k in (0..left).chain(right..self.extent(0)) {
-            dst[k] = self.inside(first + k as isize, 0, beyond).map_or(0.0, &value);
+        for (end, beyond_end) in self.frame.ends[0].into_iter().zip([0..left, right..dst.len()]) {
+            if end == End::Zero && beyond == Beyond::Zero {
+                dst[beyond_end].fill(0.0);
+            } else {
+                for k in beyond_end {
+                    dst[k] = self.inside(first + k as isize, 0, beyond).map_or(0.0, &value);
+                }
+            }
         }
     }
 
@@ -219,6 +234,27 @@ impl<const D: usize> Tile<D> {
                 stride *= tile.frame.shape[d];
             }
             (local, if D == 1 { 0 } else { global })
+        })
+    }
+
+    /// The rows of the core that lie in one plane of the outermost axis: row in the plane, and
+    /// place in the slab.
+    #[inline(always)]
+    pub fn core_rows_of(&self, plane: usize) -> impl Iterator<Item = (usize, usize)> + use<D> {
+        let tile = *self;
+        let rows: usize = (1..D - 1).map(|d| tile.core[d]).product();
+        (0..rows).map(move |mut rest| {
+            let (mut row, mut rows) = (0, 1);
+            let (mut at, mut stride) = (tile.start[0], tile.frame.shape[0]);
+            for d in 1..D - 1 {
+                let i = rest % tile.core[d];
+                rest /= tile.core[d];
+                row += (i + tile.halo) * rows;
+                at += (tile.start[d] + i) * stride;
+                rows *= tile.extent(d);
+                stride *= tile.frame.shape[d];
+            }
+            (row, at + (plane - tile.halo) * stride)
         })
     }
 

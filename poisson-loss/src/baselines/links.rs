@@ -8,7 +8,7 @@ use super::stage::Stage;
 use super::{report, row_starts};
 use crate::axis::Axis;
 use crate::cg::{self, Convergence, System};
-use crate::multigrid::Multigrid;
+use crate::multigrid::{Multigrid, Vectors};
 use crate::plain::mask;
 use crate::problem::Support;
 use crate::{Blend, Error, Problem, Result};
@@ -197,6 +197,7 @@ impl<const D: usize> Kernel for Apply<'_, D> {
 struct LinkSystem<const D: usize> {
     links: Links<D>,
     multigrid: Multigrid<D>,
+    work: Vec<Vectors>,
     /// Samples that may change; empty where all may.
     free: Vec<bool>,
     x: Vec<f32>,
@@ -218,7 +219,18 @@ impl<const D: usize> LinkSystem<D> {
             std::array::from_fn(|d| Axis::uniform(frame.shape[d], frame.ends[d], stage.alpha[d]));
         let multigrid = Multigrid::new(axes, screening, links.gamma.clone());
         let zeros = || vec![0.0; frame.len()];
-        Self { links, multigrid, free, x: zeros(), r: zeros(), p: zeros(), q: zeros(), z: zeros() }
+        let work = multigrid.vectors(0);
+        Self {
+            links,
+            multigrid,
+            work,
+            free,
+            x: zeros(),
+            r: zeros(),
+            p: zeros(),
+            q: zeros(),
+            z: zeros(),
+        }
     }
 
     /// Starts on another right-hand side, from a first guess that is kept apart from `x`.
@@ -236,18 +248,17 @@ impl<const D: usize> System for LinkSystem<D> {
     /// The V-cycle approximates the inverse of `W^-1 A`, with `W` the node volumes: it is given
     /// `W^-1 r`, which makes the whole symmetric in the plain inner product.
     fn precondition(&mut self) -> f64 {
-        let finest = &mut self.multigrid.levels[0];
+        let finest = &self.multigrid.levels[0];
         let n0 = self.links.shape[0];
-        let mut f = std::mem::take(&mut finest.f);
+        let f = &mut self.work[0].f;
         f.par_chunks_mut(n0).zip(self.r.par_chunks(n0)).enumerate().for_each(|(row, (f, r))| {
             let outer = finest.volume_row(row);
             for ((f, r), v) in f.iter_mut().zip(r).zip(&finest.axes[0].volume) {
                 *f = r / (outer * v);
             }
         });
-        finest.f = f;
-        self.multigrid.cycle(0);
-        self.z.copy_from_slice(&self.multigrid.levels[0].u);
+        self.multigrid.cycle(&mut self.work, 0);
+        self.z.copy_from_slice(&self.work[0].u);
         mask(&self.free, &mut self.z);
         dot(&self.r, &self.z)
     }

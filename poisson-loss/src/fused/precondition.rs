@@ -1,0 +1,188 @@
+//! The two passes of the preconditioner, before and after the coarse correction.
+
+use inr_core::cpu::Kernel;
+
+use super::smoother::{F, Links, Rings, Smoother};
+use crate::plain::FILTER;
+use crate::tile::Beyond;
+
+/// Halo of the pass before the coarse correction: filter, black, residual.
+pub const HALO_DOWN: usize = F + 1 + 1;
+/// Halo of the pass after it: filter, black, black, red, filter.
+pub const HALO_UP: usize = F + 1 + 1 + 1 + F;
+
+/// Before the coarse correction, on one tile: the updates of CG, and the nodal residual after
+/// smoothing from zero.
+pub struct Down<'a, const D: usize> {
+    pub smoother: Smoother<'a, D>,
+    pub r: &'a [f32],
+    pub q: &'a [f32],
+    /// From the slab on.
+    pub p: &'a [f32],
+    pub alpha: f32,
+    pub x: &'a mut [f32],
+    pub r_next: &'a mut [f32],
+    pub nodal: &'a mut [f32],
+}
+
+impl<const D: usize> Down<'_, D> {
+    /// Keeps the updated residual and solution of a plane.
+    #[inline(always)]
+    fn store_updates(&mut self, plane: usize) {
+        let tile = self.smoother.tile;
+        let (e0, n0, halo, alpha) = (tile.extent(0), tile.core[0], tile.halo, self.alpha);
+        for (row, at) in tile.core_rows_of(plane) {
+            let residual = &self.smoother.rings.load.at(plane)[row * e0 + halo..][..n0];
+            self.r_next[at..at + n0].copy_from_slice(residual);
+            if alpha != 0.0 {
+                let (x, p) = (&mut self.x[at..at + n0], &self.p[at..at + n0]);
+                for i in 0..n0 {
+                    x[i] += alpha * p[i];
+                }
+            }
+        }
+    }
+
+    /// Stores the nodal residual of a plane.
+    #[inline(always)]
+    fn store_nodal(&mut self, plane: usize) {
+        let s = &self.smoother;
+        let (tile, n) = (s.tile, s.tile.core[0]);
+        for (row, at) in tile.core_rows_of(plane) {
+            let red = &s.rings.checker[s.red_phase(plane, row)][tile.halo..][..n];
+            let out = &mut self.nodal[at..at + n];
+            let links =
+                Links::new(&s.rings.u[0], plane, row * tile.extent(0) + tile.halo, n, s.strides);
+            for i in 0..n {
+                out[i] = red[i] * links.sum(i, s.alpha);
+            }
+        }
+    }
+}
+
+impl<const D: usize> Kernel for Down<'_, D> {
+    type Output = ();
+    #[inline(always)]
+    fn run(mut self) {
+        let planes = self.smoother.tile.extent(D - 1);
+        let (r, q, alpha) = (self.r, self.q, self.alpha);
+        for step in 0..planes {
+            self.smoother.load_plane(step, r, alpha, q);
+            self.smoother.filter_in_plane(step, false);
+            if (HALO_DOWN..planes - HALO_DOWN).contains(&step) {
+                self.store_updates(step);
+            }
+            if step >= 2 * F {
+                self.smoother.right_hand_side(step - F);
+            }
+            if step >= 2 * (F + 1) {
+                self.smoother.first_black(step - F - 1);
+            }
+            if step >= 2 * HALO_DOWN {
+                self.store_nodal(step - HALO_DOWN);
+            }
+        }
+    }
+}
+
+/// After the coarse correction, on one tile: `z = F u`; returns `r . z`.
+pub struct Up<'a, const D: usize> {
+    pub smoother: Smoother<'a, D>,
+    pub whole_r: &'a [f32],
+    /// From the slab on.
+    pub r: &'a [f32],
+    pub correction: &'a [f32],
+    pub z: &'a mut [f32],
+}
+
+impl<const D: usize> Up<'_, D> {
+    /// Adds the coarse correction to a plane of `u[0]`.
+    #[inline(always)]
+    fn correct(&mut self, plane: usize) {
+        let s = &mut self.smoother;
+        let e0 = s.tile.extent(0);
+        for (row, at) in s.rows() {
+            let of_tile = s.row_of_tile(plane, row);
+            let Rings { u: [u, ..], spare, .. } = &mut *s.rings;
+            let load = &mut spare.at_mut(0)[..e0];
+            s.tile.load_row(of_tile, self.correction, Beyond::Zero, load);
+            let u = &mut u.at_mut(plane)[at..at + e0];
+            for i in 0..e0 {
+                u[i] += load[i];
+            }
+        }
+    }
+
+    /// A half sweep on one plane, from `u[stage]` into `u[stage + 1]`: black, then red.
+    #[inline(always)]
+    fn half_sweep(&mut self, plane: usize, stage: usize) {
+        let s = &mut self.smoother;
+        let e0 = s.tile.extent(0);
+        for (row, at) in s.rows() {
+            let red = s.red_phase(plane, row);
+            let inverse = s.inverse_row(plane, row);
+            let Rings { u, f, inverse: inverses, zeros, checker, .. } = &mut *s.rings;
+            let inverse = inverse.of(inverses, zeros, e0);
+            // 1 on the nodes of the colour that is updated, and on the others.
+            let (active, passive) =
+                (&checker[red ^ (1 - stage)][..e0], &checker[red ^ stage][..e0]);
+            let (head, tail) = u.split_at_mut(stage + 1);
+            let (u, f) = (&head[stage].at(plane)[at..at + e0], &f.at(plane)[at..at + e0]);
+            let out = &mut tail[0].at_mut(plane)[at..at + e0];
+            let links = Links::new(&head[stage], plane, at, e0, s.strides);
+            for i in 0..e0 {
+                let new = inverse[i] * (f[i] + links.sum(i, s.alpha));
+                out[i] = passive[i] * u[i] + active[i] * new;
+            }
+        }
+    }
+
+    /// `z` and `r . z` on one plane, from the filtered `u[2]` around it.
+    #[inline(always)]
+    fn finish(&mut self, plane: usize) -> f64 {
+        let (s, mut dot) = (&self.smoother, 0.0);
+        let (tile, n) = (s.tile, s.tile.core[0]);
+        for (row, at) in tile.core_rows_of(plane) {
+            let local = row * tile.extent(0) + tile.halo;
+            let [a, b, c, d, e]: [&[f32]; 5] = std::array::from_fn(|k| {
+                &s.rings.filtered_again.at(plane + k - F)[local..local + n]
+            });
+            let z = &mut self.z[at..at + n];
+            for i in 0..n {
+                z[i] = FILTER[0] * c[i] + FILTER[1] * (b[i] + d[i]) + FILTER[2] * (a[i] + e[i]);
+            }
+            dot += super::weigh_row(&tile, plane, row, &self.r[at..at + n], z);
+        }
+        dot
+    }
+}
+
+impl<const D: usize> Kernel for Up<'_, D> {
+    type Output = f64;
+    #[inline(always)]
+    fn run(mut self) -> f64 {
+        let (planes, r, mut dot) = (self.smoother.tile.extent(D - 1), self.whole_r, 0.0);
+        for step in 0..planes {
+            self.smoother.load_plane(step, r, 0.0, &[]);
+            self.smoother.filter_in_plane(step, false);
+            if step >= 2 * F {
+                self.smoother.right_hand_side(step - F);
+            }
+            if step >= 2 * (F + 1) {
+                self.smoother.first_black(step - F - 1);
+                self.correct(step - F - 1);
+            }
+            if step >= 2 * (F + 2) {
+                self.half_sweep(step - F - 2, 0);
+            }
+            if step >= 2 * (F + 3) {
+                self.half_sweep(step - F - 3, 1);
+                self.smoother.filter_in_plane(step - F - 3, true);
+            }
+            if step >= 2 * HALO_UP {
+                dot += self.finish(step - HALO_UP);
+            }
+        }
+        dot
+    }
+}
