@@ -202,13 +202,16 @@ impl<const D: usize> Kernel for Uniform<'_, D> {
 /// The seven shifts of a flat buffer that a symmetric stencil along one axis reads.
 #[inline(always)]
 fn shifts7(src: &[f32], lo: usize, n: usize, stride: usize) -> [&[f32]; 7] {
-    std::array::from_fn(|k| &src[lo + k * stride - REACH * stride..][..n])
+    let shift = |k: usize| &src[lo + k * stride - REACH * stride..][..n];
+    [shift(0), shift(1), shift(2), shift(3), shift(4), shift(5), shift(6)]
 }
 
 #[inline(always)]
 pub fn symmetric7(dst: &mut [f32], src: [&[f32]; 7], t: [f32; 4]) {
     let n = dst.len();
-    let [a, b, c, d, e, f, g] = src.map(|s| &s[..n]);
+    let [a, b, c, d, e, f, g] = src;
+    let (a, b, c, d) = (&a[..n], &b[..n], &c[..n], &d[..n]);
+    let (e, f, g) = (&e[..n], &f[..n], &g[..n]);
     for i in 0..n {
         dst[i] = t[0] * d[i] + t[1] * (c[i] + e[i]) + t[2] * (b[i] + f[i]) + t[3] * (a[i] + g[i]);
     }
@@ -225,7 +228,9 @@ pub fn symmetric7_both(
 ) {
     let n = first.len();
     let second = &mut second[..n];
-    let [a, b, c, d, e, f, g] = src.map(|s| &s[..n]);
+    let [a, b, c, d, e, f, g] = src;
+    let (a, b, c, d) = (&a[..n], &b[..n], &c[..n], &d[..n]);
+    let (e, f, g) = (&e[..n], &f[..n], &g[..n]);
     for i in 0..n {
         let (ce, bf, ag) = (c[i] + e[i], b[i] + f[i], a[i] + g[i]);
         first[i] = t[0] * d[i] + t[1] * ce + t[2] * bf + t[3] * ag;
@@ -237,8 +242,11 @@ pub fn symmetric7_both(
 #[inline(always)]
 pub fn pair(dst: &mut [f32], x: [&[f32]; 7], t: [f32; 4], y: [&[f32]; 7], v: [f32; 4]) {
     let n = dst.len();
-    let [a, b, c, d, e, f, g] = x.map(|s| &s[..n]);
-    let [h, j, k, l, m, o, p] = y.map(|s| &s[..n]);
+    let ([a, b, c, d, e, f, g], [h, j, k, l, m, o, p]) = (x, y);
+    let (a, b, c, d) = (&a[..n], &b[..n], &c[..n], &d[..n]);
+    let (e, f, g) = (&e[..n], &f[..n], &g[..n]);
+    let (h, j, k, l) = (&h[..n], &j[..n], &k[..n], &l[..n]);
+    let (m, o, p) = (&m[..n], &o[..n], &p[..n]);
     for i in 0..n {
         let x = t[0] * d[i] + t[1] * (c[i] + e[i]) + t[2] * (b[i] + f[i]) + t[3] * (a[i] + g[i]);
         let y = v[0] * l[i] + v[1] * (k[i] + m[i]) + v[2] * (j[i] + o[i]) + v[3] * (h[i] + p[i]);
@@ -321,7 +329,8 @@ fn nest<const D: usize>(
 pub fn gather4(dst: &mut [f32], src: &[f32], first: isize, stride: usize, t: [f32; 4]) {
     let n = src.len() - 3 * stride;
     let dst = &mut dst[first.unsigned_abs() * stride..][..n];
-    let [a, b, c, d]: [&[f32]; 4] = std::array::from_fn(|k| &src[k * stride..][..n]);
+    let shift = |k: usize| &src[k * stride..][..n];
+    let (a, b, c, d) = (shift(0), shift(1), shift(2), shift(3));
     for i in 0..n {
         dst[i] = t[0] * a[i] + t[1] * b[i] + t[2] * c[i] + t[3] * d[i];
     }
@@ -332,7 +341,8 @@ pub fn gather4(dst: &mut [f32], src: &[f32], first: isize, stride: usize, t: [f3
 pub fn scatter4(dst: &mut [f32], src: &[f32], first: isize, stride: usize, t: [f32; 4], add: bool) {
     let n = src.len() - 3 * stride;
     let dst = &mut dst[(first + 3) as usize * stride..][..n];
-    let [a, b, c, d]: [&[f32]; 4] = std::array::from_fn(|k| &src[(3 - k) * stride..][..n]);
+    let shift = |k: usize| &src[(3 - k) * stride..][..n];
+    let (a, b, c, d) = (shift(0), shift(1), shift(2), shift(3));
     if add {
         for i in 0..n {
             dst[i] += t[0] * a[i] + t[1] * b[i] + t[2] * c[i] + t[3] * d[i];

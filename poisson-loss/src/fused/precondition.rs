@@ -2,8 +2,7 @@
 
 use inr_core::cpu::Kernel;
 
-use super::smoother::{F, Links, Rings, Smoother};
-use crate::plain::FILTER;
+use super::smoother::{F, Links, Rings, Smoother, filter};
 use crate::tile::Beyond;
 
 /// Halo of the pass before the coarse correction: filter, black, residual.
@@ -33,9 +32,9 @@ impl<const D: usize> Down<'_, D> {
         let (e0, n0, halo, alpha) = (tile.extent(0), tile.core[0], tile.halo, self.alpha);
         for (row, at) in tile.core_rows_of(plane) {
             let residual = &self.smoother.rings.load.at(plane)[row * e0 + halo..][..n0];
-            self.r_next[at..at + n0].copy_from_slice(residual);
+            self.r_next[at..][..n0].copy_from_slice(residual);
             if alpha != 0.0 {
-                let (x, p) = (&mut self.x[at..at + n0], &self.p[at..at + n0]);
+                let (x, p) = (&mut self.x[at..][..n0], &self.p[at..][..n0]);
                 for i in 0..n0 {
                     x[i] += alpha * p[i];
                 }
@@ -50,7 +49,7 @@ impl<const D: usize> Down<'_, D> {
         let (tile, n) = (s.tile, s.tile.core[0]);
         for (row, at) in tile.core_rows_of(plane) {
             let red = &s.rings.checker[s.red_phase(plane, row)][tile.halo..][..n];
-            let out = &mut self.nodal[at..at + n];
+            let out = &mut self.nodal[at..][..n];
             let links =
                 Links::new(&s.rings.u[0], plane, row * tile.extent(0) + tile.halo, n, s.strides);
             for i in 0..n {
@@ -106,7 +105,7 @@ impl<const D: usize> Up<'_, D> {
             let Rings { u: [u, ..], spare, .. } = &mut *s.rings;
             let load = &mut spare.at_mut(0)[..e0];
             s.tile.load_row(of_tile, self.correction, Beyond::Zero, load);
-            let u = &mut u.at_mut(plane)[at..at + e0];
+            let u = &mut u.at_mut(plane)[at..][..e0];
             for i in 0..e0 {
                 u[i] += load[i];
             }
@@ -127,8 +126,8 @@ impl<const D: usize> Up<'_, D> {
             let (active, passive) =
                 (&checker[red ^ (1 - stage)][..e0], &checker[red ^ stage][..e0]);
             let (head, tail) = u.split_at_mut(stage + 1);
-            let (u, f) = (&head[stage].at(plane)[at..at + e0], &f.at(plane)[at..at + e0]);
-            let out = &mut tail[0].at_mut(plane)[at..at + e0];
+            let (u, f) = (&head[stage].at(plane)[at..][..e0], &f.at(plane)[at..][..e0]);
+            let out = &mut tail[0].at_mut(plane)[at..][..e0];
             let links = Links::new(&head[stage], plane, at, e0, s.strides);
             for i in 0..e0 {
                 let new = inverse[i] * (f[i] + links.sum(i, s.alpha));
@@ -144,14 +143,10 @@ impl<const D: usize> Up<'_, D> {
         let (tile, n) = (s.tile, s.tile.core[0]);
         for (row, at) in tile.core_rows_of(plane) {
             let local = row * tile.extent(0) + tile.halo;
-            let [a, b, c, d, e]: [&[f32]; 5] = std::array::from_fn(|k| {
-                &s.rings.filtered_again.at(plane + k - F)[local..local + n]
-            });
-            let z = &mut self.z[at..at + n];
-            for i in 0..n {
-                z[i] = FILTER[0] * c[i] + FILTER[1] * (b[i] + d[i]) + FILTER[2] * (a[i] + e[i]);
-            }
-            dot += super::weigh_row(&tile, plane, row, &self.r[at..at + n], z);
+            let shift = |k: usize| &s.rings.filtered_again.at(plane + k - F)[local..][..n];
+            let z = &mut self.z[at..][..n];
+            filter(z, [shift(0), shift(1), shift(2), shift(3), shift(4)]);
+            dot += super::weigh_row(&tile, plane, row, &self.r[at..][..n], z);
         }
         dot
     }

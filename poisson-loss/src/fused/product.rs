@@ -89,7 +89,7 @@ impl<const D: usize> Along<'_, D> {
         if (halo..self.tile.extent(D - 1) - halo).contains(&plane) {
             for (row, at) in self.tile.core_rows_of(plane) {
                 let line = &load.at(plane)[row * e0 + halo..][..n0];
-                p_next[at..at + n0].copy_from_slice(line);
+                p_next[at..][..n0].copy_from_slice(line);
             }
         }
         let (m_taps, k_taps) = factor_taps();
@@ -167,7 +167,7 @@ impl<const D: usize> Along<'_, D> {
                     from = to;
                 }
             }
-            let (p, q) = (&self.vectors.p_next[at..at + n0], &self.vectors.q[at..at + n0]);
+            let (p, q) = (&self.vectors.p_next[at..][..n0], &self.vectors.q[at..][..n0]);
             dot += super::weigh_row(&tile, plane, row, p, q);
         }
         dot
@@ -179,12 +179,9 @@ impl<const D: usize> Along<'_, D> {
         let (mass, stiff) = factor_taps();
         let alpha = self.operator.alpha[D - 1];
         let taps: [f32; 4] = std::array::from_fn(|j| alpha * stiff[j] + s * mass[j]);
-        let rows = |ring| -> [&[f32]; 7] {
-            let ring: &Ring = ring;
-            std::array::from_fn(|k| ring.shifted(plane + k - REACH, local as isize, n))
-        };
-        let (m, k) = (rows(&self.rings.mass[0]), rows(&self.rings.stiff[0]));
-        pair(&mut self.vectors.q[at..at + n], m, taps, k, mass);
+        let Rings { mass: [m, _], stiff: [k, _], .. } = &*self.rings;
+        let (m, k) = (planes(m, plane, local, n), planes(k, plane, local, n));
+        pair(&mut self.vectors.q[at..][..n], m, taps, k, mass);
     }
 }
 
@@ -227,10 +224,10 @@ impl Rings {
     fn add_points(&self, row: usize, local: usize, q: &mut [f32]) {
         let n = q.len();
         for (point, ring) in cell_points().iter().zip(&self.points) {
-            let [a, b, c, d]: [&[f32]; 4] = std::array::from_fn(|k| {
+            let from = |k: usize| {
                 ring.shifted((row - k).wrapping_add_signed(-point.first), local as isize, n)
-            });
-            let t = point.value;
+            };
+            let ([a, b, c, d], t) = ([from(0), from(1), from(2), from(3)], point.value);
             for i in 0..n {
                 q[i] += t[0] * a[i] + t[1] * b[i] + t[2] * c[i] + t[3] * d[i];
             }
@@ -284,6 +281,13 @@ fn shifts(ring: &Ring, plane: usize, stride: usize) -> [&[f32]; 7] {
     std::array::from_fn(|k| ring.shifted(plane, (k as isize - REACH as isize) * stride as isize, n))
 }
 
+/// The seven planes that a symmetric stencil along the last axis reads.
+#[inline(always)]
+fn planes(ring: &Ring, plane: usize, local: usize, n: usize) -> [&[f32]; 7] {
+    let at = |k: usize| ring.shifted(plane + k - REACH, local as isize, n);
+    [at(0), at(1), at(2), at(3), at(4), at(5), at(6)]
+}
+
 /// Loads `z + beta p` and stores its core as the next direction.
 struct Combine<'a, const D: usize> {
     tile: &'a Tile<D>,
@@ -325,7 +329,7 @@ impl<const D: usize> Kernel for StoreDot<'_, D> {
         for plane in tile.halo..tile.halo + tile.core[D - 1] {
             for (row, _) in tile.core_rows_of(plane) {
                 let at = plane * stride + row * tile.extent(0) + tile.halo;
-                let (p, q) = (&self.p[at..at + n0], &self.q[at..at + n0]);
+                let (p, q) = (&self.p[at..][..n0], &self.q[at..][..n0]);
                 dot += super::weigh_row(tile, plane, row, p, q);
             }
         }

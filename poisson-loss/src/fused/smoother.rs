@@ -113,14 +113,14 @@ impl<'a, const D: usize> Smoother<'a, D> {
         let e0 = self.tile.extent(0);
         for (row, at) in self.rows() {
             let of_tile = self.row_of_tile(plane, row);
-            let load = &mut self.rings.load.at_mut(plane)[at..at + e0];
+            let load = &mut self.rings.load.at_mut(plane)[at..][..e0];
             if alpha == 0.0 {
                 self.tile.load_row(of_tile, r, Beyond::Zero, load);
             } else {
                 self.tile.load_row_sum(of_tile, r, -alpha, q, load);
             }
             if !self.uniform {
-                let inverse = &mut self.rings.inverse.at_mut(plane)[at..at + e0];
+                let inverse = &mut self.rings.inverse.at_mut(plane)[at..][..e0];
                 self.tile.load_row(of_tile, self.screening, Beyond::Edge, inverse);
                 for v in inverse.iter_mut() {
                     *v = 1.0 / (self.diagonal + *v);
@@ -152,17 +152,14 @@ impl<'a, const D: usize> Smoother<'a, D> {
     pub fn right_hand_side(&mut self, plane: usize) {
         let e0 = self.tile.extent(0);
         for (row, at) in self.rows() {
-            let line = at..at + e0;
             let inverse = self.inverse_row(plane, row);
             let Rings { filtered, f, g, inverse: inverses, zeros, .. } = &mut *self.rings;
             let inverse = inverse.of(inverses, zeros, e0);
-            let [a, b, c, d, e]: [&[f32]; 5] =
-                std::array::from_fn(|k| &filtered.at(plane + k - F)[line.clone()]);
-            let (f, g) = (&mut f.at_mut(plane)[line.clone()], &mut g.at_mut(plane)[line]);
+            let (f, g) = (&mut f.at_mut(plane)[at..][..e0], &mut g.at_mut(plane)[at..][..e0]);
+            let shift = |k: usize| &filtered.at(plane + k - F)[at..][..e0];
+            filter(f, [shift(0), shift(1), shift(2), shift(3), shift(4)]);
             for i in 0..e0 {
-                let v = FILTER[0] * c[i] + FILTER[1] * (b[i] + d[i]) + FILTER[2] * (a[i] + e[i]);
-                f[i] = v;
-                g[i] = v * inverse[i];
+                g[i] = f[i] * inverse[i];
             }
         }
     }
@@ -177,7 +174,7 @@ impl<'a, const D: usize> Smoother<'a, D> {
             let Rings { g, u: [u, ..], inverse: inverses, zeros, checker, .. } = &mut *self.rings;
             let inverse = inverse.of(inverses, zeros, e0);
             let black = &checker[1 - red][..e0];
-            let (centre, out) = (&g.at(plane)[at..at + e0], &mut u.at_mut(plane)[at..at + e0]);
+            let (centre, out) = (&g.at(plane)[at..][..e0], &mut u.at_mut(plane)[at..][..e0]);
             let links = Links::new(g, plane, at, e0, self.strides);
             for i in 0..e0 {
                 out[i] = centre[i] + black[i] * inverse[i] * links.sum(i, self.alpha);
@@ -222,7 +219,7 @@ impl InverseRow {
     pub fn of<'a>(self, inverses: &'a Ring, zeros: &'a [f32], n: usize) -> &'a [f32] {
         match self {
             Self::Fixed => &zeros[..n],
-            Self::Kept { plane, at } => &inverses.at(plane)[at..at + n],
+            Self::Kept { plane, at } => &inverses.at(plane)[at..][..n],
         }
     }
 }
@@ -282,8 +279,16 @@ impl<'a, const D: usize> Links<'a, D> {
 fn filter_axis(dst: &mut Ring, src: &Ring, plane: usize, stride: isize) {
     let dst = dst.at_mut(plane);
     let n = dst.len();
-    let [a, b, c, d, e]: [&[f32]; 5] =
-        std::array::from_fn(|k| src.shifted(plane, (k as isize - F as isize) * stride, n));
+    let shift = |k: usize| src.shifted(plane, (k as isize - F as isize) * stride, n);
+    filter(dst, [shift(0), shift(1), shift(2), shift(3), shift(4)]);
+}
+
+/// The filter, from the five shifts that it reads.
+#[inline(always)]
+pub fn filter(dst: &mut [f32], src: [&[f32]; 5]) {
+    let n = dst.len();
+    let [a, b, c, d, e] = src;
+    let (a, b, c, d, e) = (&a[..n], &b[..n], &c[..n], &d[..n], &e[..n]);
     for i in 0..n {
         dst[i] = FILTER[0] * c[i] + FILTER[1] * (b[i] + d[i]) + FILTER[2] * (a[i] + e[i]);
     }
