@@ -16,7 +16,6 @@
 mod blocks;
 mod precondition;
 mod product;
-mod ring;
 mod smoother;
 
 use inr_core::cpu::dispatch;

@@ -107,6 +107,7 @@ mod operator;
 mod plain;
 mod plan;
 mod problem;
+mod ring;
 mod tile;
 
 pub use baselines::{Baseline, solve_baseline};

@@ -6,10 +6,12 @@
 
 mod dense;
 mod level;
+mod smooth;
 mod transfer;
 
 use dense::Dense;
 pub use level::{Level, Vectors};
+use smooth::smooth;
 pub use transfer::{Prolong, prolong, restrict};
 
 use crate::axis::Axis;
@@ -63,22 +65,14 @@ impl<const D: usize> Multigrid<D> {
             return self.coarsest.solve(f, u);
         };
         let sweeps = (1usize << level.min(10)).min(MOST_SWEEPS);
-        work[level].u.fill(0.0);
-        for _ in 0..sweeps {
-            fine.half_sweep(&mut work[level], 0);
-            fine.half_sweep(&mut work[level], 1);
-        }
-        fine.residual(&mut work[level]);
+        smooth(fine, &mut work[level], &[0, 1].repeat(sweeps), true, true);
         let transfer = fine.to_coarse.as_ref().expect("a coarser level exists");
         let (head, tail) = work.split_at_mut(level + 1);
-        restrict(transfer, fine.shape(), &head[level].spare, coarse.shape(), &mut tail[0].f);
+        restrict(transfer, fine.shape(), &head[level].residual, coarse.shape(), &mut tail[0].f);
         self.cycle(work, level + 1);
         let (head, tail) = work.split_at_mut(level + 1);
         let u = &mut head[level].u;
         prolong(transfer, fine.shape(), &tail[0].u, coarse.shape(), u, Prolong::Add);
-        for _ in 0..sweeps {
-            fine.half_sweep(&mut work[level], 1);
-            fine.half_sweep(&mut work[level], 0);
-        }
+        smooth(fine, &mut work[level], &[1, 0].repeat(sweeps), false, false);
     }
 }

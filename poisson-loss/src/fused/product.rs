@@ -3,10 +3,10 @@
 use inr_core::cpu::{Kernel, dispatch};
 
 use super::blocks::{BLOCK, Class};
-use super::ring::Ring;
 use crate::operator::{
     REACH, Scratch, SplineOperator, cell_points, factor_taps, pair, symmetric7, symmetric7_both,
 };
+use crate::ring::Ring;
 use crate::tile::{Beyond, Tile};
 
 /// Buffers of one thread: planes in two dimensions and where the screening is uniform, whole

@@ -2,10 +2,10 @@
 //! sweep, as a pipeline over the planes of a tile.
 
 use super::blocks::Class;
-use super::ring::Ring;
 use crate::axis::End;
 use crate::operator::SplineOperator;
 use crate::plain::FILTER;
+use crate::ring::Ring;
 use crate::tile::{Beyond, Tile};
 
 /// Reach of the filter.

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::{PARALLEL_FROM, TASK, transfer::restrict};
 use crate::axis::{Axis, Transfer};
+use crate::ring::Ring;
 
 /// Axes whose coupling is weaker than this share of the strongest are not coarsened yet.
 const SEMI_COARSENING: f32 = 0.35;
@@ -16,10 +17,13 @@ pub struct Level<const D: usize> {
     pub screening: Vec<f32>,
     /// Weight of the squared gradient per node, or empty where it is 1; a link takes the mean of its ends.
     pub gamma: Vec<f32>,
-    /// Empty on a level that is not smoothed.
-    inverse_diagonal: Vec<f32>,
+    /// Empty on a level that is not smoothed, like its inverse.
+    pub diagonal: Vec<f32>,
+    pub inverse_diagonal: Vec<f32>,
     /// 1, 0, 1, 0 ...: one entry longer than a row.
-    checker: Vec<f32>,
+    pub checker: Vec<f32>,
+    /// Weights of the links to the previous and next node of a row: zero where there is none.
+    pub along_rows: [Vec<f32>; 2],
     pub to_coarse: Option<[Transfer; D]>,
 }
 
@@ -29,11 +33,15 @@ pub struct Vectors {
     pub u: Vec<f32>,
     pub f: Vec<f32>,
     pub spare: Vec<f32>,
+    pub residual: Vec<f32>,
+    /// Work space of a smoother that is a single task.
+    pub rings: Vec<Ring>,
 }
 
 impl Vectors {
     pub fn zeros(n: usize) -> Self {
-        Self { u: vec![0.0; n], f: vec![0.0; n], spare: vec![0.0; n] }
+        let zeros = || vec![0.0; n];
+        Self { u: zeros(), f: zeros(), spare: zeros(), residual: zeros(), rings: Vec::new() }
     }
 }
 
@@ -41,24 +49,28 @@ impl<const D: usize> Level<D> {
     pub fn new(axes: [Axis; D], screening: Vec<f32>, gamma: Vec<f32>, smoothed: bool) -> Self {
         let n = if smoothed { screening.len() } else { 0 };
         let checker = (0..=axes[0].len()).map(|i| if i % 2 == 0 { 1.0 } else { 0.0 }).collect();
+        let mut along_rows = [axes[0].minus.clone(), axes[0].plus.clone()];
+        along_rows[0][0] = 0.0;
+        along_rows[1][axes[0].len() - 1] = 0.0;
         let mut level = Self {
+            along_rows,
             axes,
             checker,
             screening,
             gamma,
-            inverse_diagonal: vec![0.0; n],
+            diagonal: vec![0.0; n],
+            inverse_diagonal: Vec::new(),
             to_coarse: None,
         };
-        let mut diagonal = std::mem::take(&mut level.inverse_diagonal);
-        let task = level.task();
+        let mut diagonal = std::mem::take(&mut level.diagonal);
+        let (task, n0) = (level.task(), level.axes[0].len());
         diagonal.par_chunks_mut(task).enumerate().for_each(|(k, out)| {
-            let (rows, n0) = (out.len() / level.axes[0].len(), level.axes[0].len());
-            for r in 0..rows {
-                level.diagonal_row(k * task / n0 + r, &mut out[r * n0..(r + 1) * n0]);
+            for (r, out) in out.chunks_exact_mut(n0).enumerate() {
+                level.diagonal_row(k * task / n0 + r, out);
             }
-            out.iter_mut().for_each(|d| *d = 1.0 / *d);
         });
-        level.inverse_diagonal = diagonal;
+        level.inverse_diagonal = diagonal.par_iter().map(|d| 1.0 / d).collect();
+        level.diagonal = diagonal;
         level
     }
 
@@ -168,41 +180,10 @@ impl<const D: usize> Level<D> {
         let n0 = out.len();
         let at = row * n0;
         let (u, f, inverse) =
-            (&all[at..at + n0], &f[at..at + n0], &self.inverse_diagonal[at..at + n0]);
-        if n0 < 3 || !self.gamma.is_empty() {
-            self.gather_row(all, row, out);
-            for i in 0..n0 {
-                out[i] = (1.0 - active[i]) * u[i] + active[i] * ((f[i] + out[i]) * inverse[i]);
-            }
-            return;
-        }
-        let index = self.row_index(row);
-        let outer =
-            |d: usize| if d == 0 { [(row, 0.0); 2] } else { self.neighbours(row, &index, d) };
-        let links: [[(usize, f32); 2]; D] = std::array::from_fn(outer);
-        let (minus, plus) = (&self.axes[0].minus[..n0], &self.axes[0].plus[..n0]);
-        for i in [0, n0 - 1] {
-            let mut sum = f[i];
-            for d in 1..D {
-                let [(before, a), (after, b)] = links[d];
-                sum += a * all[before * n0 + i] + b * all[after * n0 + i];
-            }
-            sum += if i == 0 { plus[i] * u[i + 1] } else { minus[i] * u[i - 1] };
-            out[i] = (1.0 - active[i]) * u[i] + active[i] * (sum * inverse[i]);
-        }
-        let n = n0 - 2;
-        let before: [&[f32]; D] = std::array::from_fn(|d| &all[links[d][0].0 * n0 + 1..][..n]);
-        let after: [&[f32]; D] = std::array::from_fn(|d| &all[links[d][1].0 * n0 + 1..][..n]);
-        let (left, right) = (&u[..n], &u[2..][..n]);
-        let (u, f, inverse, active) =
-            (&u[1..][..n], &f[1..][..n], &inverse[1..][..n], &active[1..][..n]);
-        let (minus, plus, out) = (&minus[1..][..n], &plus[1..][..n], &mut out[1..][..n]);
-        for i in 0..n {
-            let mut sum = f[i] + minus[i] * left[i] + plus[i] * right[i];
-            for d in 1..D {
-                sum += links[d][0].1 * before[d][i] + links[d][1].1 * after[d][i];
-            }
-            out[i] = (1.0 - active[i]) * u[i] + active[i] * (sum * inverse[i]);
+            (&all[at..][..n0], &f[at..][..n0], &self.inverse_diagonal[at..][..n0]);
+        self.gather_row(all, row, out);
+        for i in 0..n0 {
+            out[i] = (1.0 - active[i]) * u[i] + active[i] * ((f[i] + out[i]) * inverse[i]);
         }
     }
 
@@ -266,18 +247,18 @@ impl<const D: usize> Level<D> {
     /// Gauss-Seidel on the nodes whose index sum has the parity of `colour`.
     pub fn half_sweep(&self, work: &mut Vectors, colour: usize) {
         let (task, n0) = (self.task(), self.axes[0].len());
-        let Vectors { u, f, spare } = &mut *work;
+        let Vectors { u, f, spare, .. } = &mut *work;
         spare.par_chunks_mut(task).enumerate().for_each(|(k, out)| {
             dispatch(HalfSweep { level: self, u, f, colour, first_row: k * task / n0, out });
         });
         std::mem::swap(u, spare);
     }
 
-    /// `spare = f - L u`.
+    /// `residual = f - L u`.
     pub fn residual(&self, work: &mut Vectors) {
         let (task, n0) = (self.task(), self.axes[0].len());
-        let Vectors { u, f, spare } = &mut *work;
-        spare.par_chunks_mut(task).enumerate().for_each(|(k, out)| {
+        let Vectors { u, f, residual, .. } = &mut *work;
+        residual.par_chunks_mut(task).enumerate().for_each(|(k, out)| {
             dispatch(Apply { level: self, u, f: Some(f), first_row: k * task / n0, out });
         });
     }
@@ -339,18 +320,18 @@ impl<const D: usize> Kernel for Apply<'_, D> {
         for (r, out) in self.out.chunks_exact_mut(n0).enumerate() {
             let row = self.first_row + r;
             self.level.gather_row(self.u, row, out);
-            let inverse = &self.level.inverse_diagonal[row * n0..][..n0];
+            let diagonal = &self.level.diagonal[row * n0..][..n0];
             let u = &self.u[row * n0..][..n0];
             match self.f {
                 Some(f) => {
                     let f = &f[row * n0..][..n0];
                     for i in 0..n0 {
-                        out[i] += f[i] - u[i] / inverse[i];
+                        out[i] += f[i] - u[i] * diagonal[i];
                     }
                 }
                 None => {
                     for i in 0..n0 {
-                        out[i] -= u[i] / inverse[i];
+                        out[i] -= u[i] * diagonal[i];
                     }
                 }
             }
