@@ -13,7 +13,7 @@ use crate::operator::{
     REACH, Scratch, SplineOperator, Weighted, cell_points, gather4, scatter4, uniform_value,
 };
 use crate::plan::Plan;
-use crate::problem::{Patch, Problem, aligned_shift, copy_box};
+use crate::problem::{Patch, Problem, aligned_shift, copy_box, zip_box};
 use crate::tile::{Beyond, Frame, Tile};
 use crate::{Error, Guidance, Result};
 
@@ -176,14 +176,40 @@ impl<'a, const D: usize, const C: usize> Inputs<'a, D, C> {
         let wide_shape: [usize; D] = std::array::from_fn(|d| {
             (start[d] + frame.shape[d] + PREFILTER_REACH).min(domain.shape()[d]) - wide[d]
         });
-        let background: Vec<Vec<f32>> = (0..C)
-            .map(|c| {
-                let lo = wide.map(|v| v as isize);
-                copy_box(problem.background.plane(c), domain.shape(), lo, wide_shape, |_, _| None)
-            })
-            .collect();
+        let (mut patch, field) = sample_patch(problem, wide, wide_shape)?;
+        let monochrome = matches!(problem.guidance, Guidance::Monochrome);
+        let linear = field.is_none()
+            && (problem.guidance.is_patch()
+                || matches!(problem.guidance, Guidance::Mix { .. } | Guidance::Monochrome));
+        let copied = |c: usize| {
+            let lo = wide.map(|v| v as isize);
+            copy_box(problem.background.plane(c), domain.shape(), lo, wide_shape, |_, _| None)
+        };
+        let wanted = if linear && D > 1 { 0 } else { C };
+        let background: Vec<Vec<f32>> =
+            (0..if monochrome { C } else { wanted }).map(copied).collect();
         check("background", &background, wide_shape, wide)?;
-        let (patch, field) = sample_patch(problem, wide, wide_shape)?;
+        // `mu S + phi T`, in place of `T`.
+        let mix = |planes: &mut [Vec<f32>], mu: f32, phi: f32| {
+            for (c, t) in planes.iter_mut().enumerate() {
+                let s = problem.background.plane(c);
+                zip_box(s, domain.shape(), wide, wide_shape, t, |t, s| *t = mu * s + phi * *t);
+            }
+        };
+        let target = match &problem.guidance {
+            Guidance::Mix { mu, phi } => {
+                let mut target = patch.clone();
+                mix(&mut target, mu - 1.0, *phi);
+                Some(target)
+            }
+            Guidance::Monochrome => Some(monochrome_target(&problem.guidance, &background, &patch)),
+            _ => None,
+        };
+        mix(&mut patch, -1.0, 1.0);
+        if background.is_empty() && check("difference", &patch, wide_shape, wide).is_err() {
+            let background: Vec<Vec<f32>> = (0..C).map(copied).collect();
+            check("background", &background, wide_shape, wide)?;
+        }
         let coefficients = |planes: Vec<Vec<f32>>| -> Vec<Vec<f32>> {
             planes
                 .into_iter()
@@ -194,22 +220,9 @@ impl<'a, const D: usize, const C: usize> Inputs<'a, D, C> {
                 })
                 .collect()
         };
-        let mixed = |mu: f32, phi: f32| -> Vec<Vec<f32>> {
-            let mix = |(s, t): (&Vec<f32>, &Vec<f32>)| {
-                s.par_iter().zip(t).map(|(s, t)| mu * s + phi * t).collect()
-            };
-            background.iter().zip(&patch).map(mix).collect()
-        };
-        let linear = field.is_none();
-        let target = match &problem.guidance {
-            Guidance::Mix { mu, phi } => Some(mixed(mu - 1.0, *phi)),
-            Guidance::Monochrome => Some(monochrome_target(&problem.guidance, &background, &patch)),
-            _ => None,
-        };
-        let linear = linear && (target.is_some() || problem.guidance.is_patch());
-        let difference = coefficients(mixed(-1.0, 1.0));
+        let difference = coefficients(patch);
         let target = target.map(&coefficients);
-        let background = if linear && D > 1 { Vec::new() } else { coefficients(background) };
+        let background = if wanted == 0 { Vec::new() } else { coefficients(background) };
         Ok(Self { background, difference, target, field, linear })
     }
 }
@@ -338,69 +351,49 @@ struct Buffers {
 impl<const D: usize, const C: usize> Assembly<'_, D, C> {
     /// `b - A e`, one plane per channel.
     fn residual(&self, change: &[Vec<f32>]) -> Vec<Vec<f32>> {
-        if self.inputs.linear {
-            return (0..C).map(|c| self.linear_residual(c, &change[c])).collect();
-        }
-        let n = self.frame.len();
         let slab_len = self.frame.slab_len();
-        let slabs: Vec<Vec<Vec<f32>>> = (0..n.div_ceil(slab_len))
-            .into_par_iter()
-            .map_init(Buffers::default, |buffers, slab| {
-                let mut out = vec![vec![0.0f32; slab_len.min(n - slab * slab_len)]; C];
-                for tile in self.frame.tiles(slab, REACH) {
-                    self.residual_tile(&tile, change, buffers, &mut out);
-                }
-                out
-            })
-            .collect();
-        (0..C)
-            .map(|c| {
-                let mut plane = Vec::with_capacity(n);
-                slabs.iter().for_each(|s| plane.extend_from_slice(&s[c]));
-                plane
-            })
-            .collect()
-    }
-
-    /// One channel of the residual for linear guidance.
-    fn linear_residual(&self, c: usize, change: &[f32]) -> Vec<f32> {
-        let mut out = vec![0.0f32; self.frame.len()];
-        out.par_chunks_mut(self.frame.slab_len()).enumerate().for_each_init(
+        let mut planes = vec![vec![0.0f32; self.frame.len()]; C];
+        let mut slabs: Vec<Vec<&mut [f32]>> = Vec::new();
+        for plane in &mut planes {
+            for (slab, piece) in plane.chunks_mut(slab_len).enumerate() {
+                slabs.resize_with(slabs.len().max(slab + 1), Vec::new);
+                slabs[slab].push(piece);
+            }
+        }
+        slabs.into_par_iter().enumerate().for_each_init(
             Buffers::default,
-            |buffers, (slab, out)| {
-                for tile in self.frame.tiles(slab, REACH) {
+            |buffers, (slab, mut out)| {
+                for (tile, at) in self.frame.small_tiles(slab, REACH) {
                     if self.load_weights(&tile, buffers) {
-                        buffers.sums.resize_with(1, Vec::new);
-                        buffers.sums[0].clear();
-                        buffers.sums[0].resize(tile.len(), 0.0);
-                        self.add_linear_guidance(&tile, c, buffers);
-                        self.finish_tile(&tile, c, 0, change, buffers, out);
+                        self.residual_tile(&tile, change, buffers, &mut out, at);
                     }
                 }
             },
         );
-        out
+        planes
     }
 
-    /// All channels of the residual on one tile, for guidance that looks at all of them.
+    /// All channels of the residual on one tile, which begins at `at` in the slab.
     fn residual_tile(
         &self,
         tile: &Tile<D>,
         change: &[Vec<f32>],
         buffers: &mut Buffers,
-        out: &mut [Vec<f32>],
+        out: &mut [&mut [f32]],
+        at: usize,
     ) {
-        if !self.load_weights(tile, buffers) {
-            return;
-        }
         buffers.sums.resize_with(C, Vec::new);
         for sum in &mut buffers.sums {
             sum.clear();
             sum.resize(tile.len(), 0.0);
         }
-        self.add_guidance(tile, buffers);
+        if self.inputs.linear {
+            (0..C).for_each(|c| self.add_linear_guidance(tile, c, buffers));
+        } else {
+            self.add_guidance(tile, buffers);
+        }
         for c in 0..C {
-            self.finish_tile(tile, c, c, &change[c], buffers, &mut out[c]);
+            self.finish_tile(tile, c, &change[c], buffers, &mut out[c][at..]);
         }
     }
 
@@ -422,12 +415,11 @@ impl<const D: usize, const C: usize> Assembly<'_, D, C> {
         }
     }
 
-    /// Adds the colour term to the guidance in `sums[slot]`, takes `A e` off, and stores it.
+    /// Adds the colour term to the guidance in `sums[c]`, takes `A e` off, and stores it.
     fn finish_tile(
         &self,
         tile: &Tile<D>,
         c: usize,
-        slot: usize,
         change: &[f32],
         buffers: &mut Buffers,
         out: &mut [f32],
@@ -438,17 +430,17 @@ impl<const D: usize, const C: usize> Assembly<'_, D, C> {
         }
         if self.plan.keep > 0.0 {
             tile.load(&self.inputs.difference[c], Beyond::Zero, &mut planes[0]);
-            weighted(tile, None, self.plan.keep, &planes[0], region, scratch, &mut sums[slot]);
+            weighted(tile, None, self.plan.keep, &planes[0], region, scratch, &mut sums[c]);
         }
         tile.load(change, Beyond::Zero, &mut planes[0]);
         self.operator.apply_tile(tile, &planes[0], scratch);
-        for (s, a) in sums[slot].iter_mut().zip(&scratch.output) {
+        for (s, a) in sums[c].iter_mut().zip(&scratch.output) {
             *s -= a;
         }
-        tile.store(&sums[slot], out);
+        tile.store(&sums[c], out);
     }
 
-    /// `sum_d alpha_d B_d^T guide B_d target` of one channel, into `sums[0]`.
+    /// `sum_d alpha_d B_d^T guide B_d target` of one channel, into `sums[c]`.
     fn add_linear_guidance(&self, tile: &Tile<D>, c: usize, buffers: &mut Buffers) {
         let target = self.inputs.target.as_ref().unwrap_or(&self.inputs.difference);
         let Buffers { scratch, guide, sums, planes, .. } = buffers;
@@ -457,7 +449,7 @@ impl<const D: usize, const C: usize> Assembly<'_, D, C> {
         }
         tile.load(&target[c], Beyond::Zero, &mut planes[0]);
         for d in 0..D {
-            weighted(tile, Some(d), self.plan.alpha[d], &planes[0], guide, scratch, &mut sums[0]);
+            weighted(tile, Some(d), self.plan.alpha[d], &planes[0], guide, scratch, &mut sums[c]);
         }
     }
 

@@ -28,12 +28,14 @@ use crate::plain::{line_dot, row_weight};
 use crate::tile::Tile;
 use blocks::{Class, classify};
 use precondition::{Down, HALO_DOWN, HALO_UP, Up};
-use smoother::{Rings, Smoother};
+use smoother::{Rings, Smoother, inverse_diagonal};
 
 /// What all right-hand sides share.
 pub struct FusedOperator<const D: usize> {
     operator: SplineOperator<D>,
     multigrid: Multigrid<D>,
+    /// The finest level's inverse diagonal, over the frame.
+    inverse: Vec<f32>,
     /// Per slab and tile.
     classes: Vec<Vec<Class>>,
 }
@@ -46,7 +48,9 @@ impl<const D: usize> FusedOperator<D> {
             "a gradient weight of 1 in two or more dimensions"
         );
         let classes = classify(operator.frame, &operator.screening, HALO_UP);
-        Self { operator, multigrid, classes }
+        let screening = operator.screening.par_iter();
+        let inverse = screening.map(|s| inverse_diagonal(operator.alpha, *s)).collect();
+        Self { operator, multigrid, inverse, classes }
     }
 }
 
@@ -85,7 +89,7 @@ impl<'a, const D: usize> FusedSystem<'a, D> {
 
     /// `x += alpha p`, `r -= alpha q`, and the nodal residual after smoothing from zero.
     fn pass_down(&mut self) {
-        let FusedOperator { operator, classes, .. } = self.shared;
+        let FusedOperator { operator, inverse, classes, .. } = self.shared;
         let (frame, alpha) = (operator.frame, self.pending_alpha);
         let len = frame.slab_len();
         let (r, p, q) = (&self.r, &self.p, &self.q);
@@ -94,7 +98,7 @@ impl<'a, const D: usize> FusedSystem<'a, D> {
             Rings::default,
             |rings, (slab, ((x, r_next), nodal))| {
                 for (tile, class) in frame.tiles(slab, HALO_DOWN).into_iter().zip(&classes[slab]) {
-                    let smoother = Smoother::new(tile, operator, class, rings);
+                    let smoother = Smoother::new(tile, operator.alpha, inverse, class, rings);
                     let p = &p[slab * len..];
                     let (x, r_next, nodal) = (&mut *x, &mut *r_next, &mut *nodal);
                     dispatch(Down { smoother, r, q, p, alpha, x, r_next, nodal });
@@ -106,14 +110,14 @@ impl<'a, const D: usize> FusedSystem<'a, D> {
 
     /// `z = F u` from the residual and the coarse correction; returns `r . z`.
     fn pass_up(&mut self) -> f64 {
-        let FusedOperator { operator, classes, .. } = self.shared;
+        let FusedOperator { operator, inverse, classes, .. } = self.shared;
         let frame = operator.frame;
         let len = frame.slab_len();
         let (r, correction) = (&self.r, &self.p_or_nodal);
         let up = |rings: &mut Rings, (slab, z): (usize, &mut [f32])| {
             let tiles = frame.tiles(slab, HALO_UP).into_iter().zip(&classes[slab]);
             let dot = |(tile, class): (Tile<D>, &Class)| {
-                let smoother = Smoother::new(tile, operator, class, rings);
+                let smoother = Smoother::new(tile, operator.alpha, inverse, class, rings);
                 dispatch(Up { smoother, r: &r[slab * len..], whole_r: r, correction, z: &mut *z })
             };
             tiles.map(dot).sum::<f64>()

@@ -127,7 +127,7 @@ fn border_weight<const D: usize>(frame: &Frame<D>, d: usize, i: usize) -> f64 {
     if half { 0.5 } else { 1.0 }
 }
 
-/// The weighted inner product of a piece of a row that begins at sample `start`, summed in eight
+/// The weighted inner product of a piece of a row that begins at sample `start`, summed in
 /// f64 lanes.
 #[inline(always)]
 pub fn line_dot<const D: usize>(frame: &Frame<D>, start: usize, a: &[f32], b: &[f32]) -> f64 {
@@ -138,19 +138,29 @@ pub fn line_dot<const D: usize>(frame: &Frame<D>, start: usize, a: &[f32], b: &[
     lanes_dot(a, b) - ends
 }
 
-/// `sum a b` in eight f64 lanes, in a fixed order.
+/// `sum a b` in f64 lanes, in a fixed order.
 #[inline(always)]
 pub fn lanes_dot(a: &[f32], b: &[f32]) -> f64 {
-    let mut lanes = [0.0f64; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let tail: f64 =
-        a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
-    for (a, b) in a8.zip(b8) {
-        for k in 0..8 {
+    // Enough for the additions of a vector unit to overlap.
+    const LANES: usize = 32;
+    let mut lanes = [0.0f64; LANES];
+    let ((a_lanes, a_rest), (b_lanes, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (a, b) in a_lanes.iter().zip(b_lanes) {
+        for k in 0..LANES {
             lanes[k] += f64::from(a[k]) * f64::from(b[k]);
         }
     }
-    lanes.iter().sum::<f64>() + tail
+    for (lane, (a, b)) in lanes.iter_mut().zip(a_rest.iter().zip(b_rest)) {
+        *lane += f64::from(*a) * f64::from(*b);
+    }
+    let mut half = LANES / 2;
+    while half > 0 {
+        for k in 0..half {
+            lanes[k] += lanes[k + half];
+        }
+        half /= 2;
+    }
+    lanes[0]
 }
 
 /// `dst = F src` along every axis; `spare` is a work vector.

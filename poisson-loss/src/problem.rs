@@ -259,6 +259,27 @@ pub(crate) fn copy_box<const D: usize>(
     dst
 }
 
+/// Combines an array with the box of a larger one that begins at `start`.
+pub(crate) fn zip_box<const D: usize>(
+    src: &[f32],
+    src_shape: [usize; D],
+    start: [usize; D],
+    shape: [usize; D],
+    dst: &mut [f32],
+    zip: impl Fn(&mut f32, f32) + Sync,
+) {
+    use rayon::prelude::*;
+    dst.par_chunks_mut(shape[0]).enumerate().for_each(|(row, dst)| {
+        let (mut rest, mut at, mut stride) = (row, start[0], src_shape[0]);
+        for d in 1..D {
+            at += (start[d] + rest % shape[d]) * stride;
+            rest /= shape[d];
+            stride *= src_shape[d];
+        }
+        dst.iter_mut().zip(&src[at..at + shape[0]]).for_each(|(d, s)| zip(d, *s));
+    });
+}
+
 /// Combines a box with the part of an array that begins at `start`.
 pub(crate) fn put_box<const D: usize>(
     src: &[f32],

@@ -49,21 +49,43 @@ impl<const D: usize> Frame<D> {
         self.shape[..D - 1].iter().product::<usize>() * thickness(self.shape[D - 1], D)
     }
 
-    /// The tiles of slab number `slab`, with the given halo.
+    /// The tiles of slab number `slab`, with the given halo: full rows of samples as far as the
+    /// first-level cache allows.
     pub fn tiles(&self, slab: usize, halo: usize) -> Vec<Tile<D>> {
         let (thickness, limits) = (thickness(self.shape[D - 1], D), core_limits(D));
-        let size = |d: usize| match d {
+        let size = std::array::from_fn(|d| match d {
             _ if d + 1 == D => thickness,
             0 => {
                 let even = self.shape[0].div_ceil(self.shape[0].div_ceil(limits[0]));
                 even.next_multiple_of(LANES)
             }
             _ => limits[1],
-        };
+        });
+        self.pieces(slab, halo, size)
+    }
+
+    /// The same slab in smaller tiles, for work that most of them do not need; with the place in
+    /// the slab where each of them begins along the outermost axis.
+    pub fn small_tiles(&self, slab: usize, halo: usize) -> Vec<(Tile<D>, usize)> {
+        let size = std::array::from_fn(|d| match d {
+            0 => 4 * LANES,
+            _ => 2 * LANES,
+        });
+        let plane: usize = self.shape[..D - 1].iter().product();
+        let first = slab * thickness(self.shape[D - 1], D);
+        let placed = |tile: Tile<D>| (tile, (tile.start[D - 1] - first) * plane);
+        self.pieces(slab, halo, size).into_iter().map(placed).collect()
+    }
+
+    fn pieces(&self, slab: usize, halo: usize, size: [usize; D]) -> Vec<Tile<D>> {
+        let thickness = thickness(self.shape[D - 1], D);
+        let (mut lo, mut hi) = ([0; D], self.shape);
+        lo[D - 1] = slab * thickness;
+        hi[D - 1] = hi[D - 1].min(lo[D - 1] + thickness);
         let mut starts = vec![[0usize; D]];
-        for d in 0..D - 1 {
-            starts = (0..self.shape[d])
-                .step_by(size(d))
+        for d in 0..D {
+            starts = (lo[d]..hi[d])
+                .step_by(size[d])
                 .flat_map(|s| starts.iter().map(move |t| (s, *t)).collect::<Vec<_>>())
                 .map(|(s, mut t)| {
                     t[d] = s;
@@ -71,14 +93,11 @@ impl<const D: usize> Frame<D> {
                 })
                 .collect();
         }
-        starts
-            .into_iter()
-            .map(|mut start| {
-                start[D - 1] = slab * thickness;
-                let core = std::array::from_fn(|d| size(d).min(self.shape[d] - start[d]));
-                Tile { frame: *self, start, core, halo }
-            })
-            .collect()
+        let tile = |start: [usize; D]| {
+            let core = std::array::from_fn(|d| size[d].min(hi[d] - start[d]));
+            Tile { frame: *self, start, core, halo }
+        };
+        starts.into_iter().map(tile).collect()
     }
 }
 
@@ -288,6 +307,15 @@ mod tests {
                     assert_eq!(*v, x.map_or(0.0, |(x, y)| src[y * 700 + x]), "{i} {j}");
                 }
                 tile.store(&buffer, piece);
+            }
+        }
+        assert_eq!(out, src);
+        out.fill(0.0);
+        for (slab, piece) in out.chunks_mut(len).enumerate() {
+            for (tile, at) in frame.small_tiles(slab, 3) {
+                let mut buffer = Vec::new();
+                tile.load(&src, Beyond::Zero, &mut buffer);
+                tile.store(&buffer, &mut piece[at..]);
             }
         }
         assert_eq!(out, src);

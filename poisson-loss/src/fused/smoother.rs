@@ -3,7 +3,6 @@
 
 use super::blocks::Class;
 use crate::axis::End;
-use crate::operator::SplineOperator;
 use crate::plain::FILTER;
 use crate::ring::Ring;
 use crate::tile::{Beyond, Tile};
@@ -37,16 +36,17 @@ pub struct Smoother<'a, const D: usize> {
     /// Rows per plane.
     rows: usize,
     pub alpha: [f32; D],
-    diagonal: f32,
     uniform: bool,
-    screening: &'a [f32],
+    /// Over the frame.
+    inverse: &'a [f32],
     pub rings: &'a mut Rings,
 }
 
 impl<'a, const D: usize> Smoother<'a, D> {
     pub fn new(
         tile: Tile<D>,
-        operator: &'a SplineOperator<D>,
+        alpha: [f32; D],
+        inverse: &'a [f32],
         class: &Class,
         rings: &'a mut Rings,
     ) -> Self {
@@ -71,14 +71,13 @@ impl<'a, const D: usize> Smoother<'a, D> {
             }
         }
         rings.zeros.resize(e0, 0.0);
-        let diagonal: f32 = operator.alpha.iter().map(|a| 2.0 * a).sum();
         // One row serves a uniform tile; a mixed one is filled plane by plane.
         match class.uniform {
             None => rings.inverse.reset(8, plane, reach),
             Some(s) => {
                 rings.inverse.reset(1, e0, reach);
                 let row = rings.inverse.at_mut(0);
-                row.fill(1.0 / (diagonal + s));
+                row.fill(inverse_diagonal(alpha, s));
                 clear_columns_beyond(&tile, row);
             }
         }
@@ -86,10 +85,9 @@ impl<'a, const D: usize> Smoother<'a, D> {
             tile,
             strides,
             rows: plane / e0,
-            alpha: operator.alpha,
-            diagonal,
+            alpha,
             uniform: class.uniform.is_some(),
-            screening: &operator.screening,
+            inverse,
             rings,
         }
     }
@@ -121,10 +119,7 @@ impl<'a, const D: usize> Smoother<'a, D> {
             }
             if !self.uniform {
                 let inverse = &mut self.rings.inverse.at_mut(plane)[at..][..e0];
-                self.tile.load_row(of_tile, self.screening, Beyond::Edge, inverse);
-                for v in inverse.iter_mut() {
-                    *v = 1.0 / (self.diagonal + *v);
-                }
+                self.tile.load_row(of_tile, self.inverse, Beyond::Edge, inverse);
                 clear_columns_beyond(&self.tile, inverse);
             }
         }
@@ -205,6 +200,12 @@ impl<'a, const D: usize> Smoother<'a, D> {
         }
         sum % 2
     }
+}
+
+/// The finest level's inverse diagonal where the screening is `s`.
+#[inline(always)]
+pub fn inverse_diagonal<const D: usize>(alpha: [f32; D], s: f32) -> f32 {
+    1.0 / (alpha.iter().map(|a| 2.0 * a).sum::<f32>() + s)
 }
 
 /// A row of the inverse diagonal.
