@@ -22,7 +22,7 @@ use inr_core::cpu::dispatch;
 use rayon::prelude::*;
 
 use crate::cg::System;
-use crate::multigrid::{self, Multigrid, Prolong, prolong, restrict};
+use crate::multigrid::{self, Multigrid, restrict};
 use crate::operator::{REACH, SplineOperator};
 use crate::plain::{line_dot, row_weight};
 use crate::tile::Tile;
@@ -64,7 +64,7 @@ pub struct FusedSystem<'a, const D: usize> {
     /// The next residual while passing down, then the preconditioned residual `z`.
     r_or_z: Vec<f32>,
     p: Vec<f32>,
-    /// The next direction; in between the nodal residual and the coarse correction.
+    /// The next direction; in between the nodal residual.
     p_or_nodal: Vec<f32>,
     q: Vec<f32>,
     pending_alpha: f32,
@@ -113,7 +113,8 @@ impl<'a, const D: usize> FusedSystem<'a, D> {
         let FusedOperator { operator, inverse, classes, .. } = self.shared;
         let frame = operator.frame;
         let len = frame.slab_len();
-        let (r, correction) = (&self.r, &self.p_or_nodal);
+        let levels = &self.shared.multigrid.levels;
+        let (r, correction) = (&self.r, levels[0].prolongation(&levels[1], &self.work[1].u));
         let up = |rings: &mut Rings, (slab, z): (usize, &mut [f32])| {
             let tiles = frame.tiles(slab, HALO_UP).into_iter().zip(&classes[slab]);
             let dot = |(tile, class): (Tile<D>, &Class)| {
@@ -132,15 +133,11 @@ impl<const D: usize> System for FusedSystem<'_, D> {
     fn precondition(&mut self) -> f64 {
         self.pass_down();
         let multigrid = &self.shared.multigrid;
-        let [finest, coarse, ..] = &multigrid.levels[..] else {
-            unreachable!("the fused system has a coarser level")
-        };
+        let (finest, coarse) = (&multigrid.levels[0], &multigrid.levels[1]);
         let transfer = finest.to_coarse.as_ref().expect("the fused system has a coarser level");
-        let (fine, coarse) = (finest.shape(), coarse.shape());
-        restrict(transfer, fine, &self.p_or_nodal, coarse, &mut self.work[1].f);
+        let (nodal, f) = (&self.p_or_nodal, &mut self.work[1].f);
+        restrict(transfer, finest.shape(), nodal, coarse.shape(), f);
         multigrid.cycle(&mut self.work, 1);
-        let correction = &mut self.p_or_nodal;
-        prolong(transfer, fine, &self.work[1].u, coarse, correction, Prolong::Replace);
         self.pass_up()
     }
 

@@ -12,7 +12,8 @@ mod transfer;
 use dense::Dense;
 pub use level::{Level, Vectors};
 use smooth::smooth;
-pub use transfer::{Prolong, prolong, restrict};
+use transfer::prolong;
+pub use transfer::{Prolongation, restrict};
 
 use crate::axis::Axis;
 
@@ -71,8 +72,7 @@ impl<const D: usize> Multigrid<D> {
         restrict(transfer, fine.shape(), &head[level].residual, coarse.shape(), &mut tail[0].f);
         self.cycle(work, level + 1);
         let (head, tail) = work.split_at_mut(level + 1);
-        let u = &mut head[level].u;
-        prolong(transfer, fine.shape(), &tail[0].u, coarse.shape(), u, Prolong::Add);
+        prolong(fine.prolongation(coarse, &tail[0].u), &mut head[level].u);
         smooth(fine, &mut work[level], &[1, 0].repeat(sweeps), false, false);
     }
 }

@@ -4,6 +4,8 @@
 //! stencil is a plain loop over a range of it, in any dimension. Entries whose stencil wraps
 //! round the piece's border are meaningless; the halo is wide enough that none reaches the core.
 
+use std::ops::Range;
+
 use crate::axis::{End, ghost};
 
 /// Samples of the widest vector.
@@ -13,7 +15,7 @@ const LANES: usize = 16;
 const fn core_limits(dimension: usize) -> [usize; 2] {
     match dimension {
         1 => [4096, 1],
-        2 => [256, 1],
+        2 => [352, 1],
         3 => [128, 32],
         _ => [64, 16],
     }
@@ -156,10 +158,11 @@ impl<const D: usize> Tile<D> {
         match self.source_row(row, beyond) {
             None => dst.fill(0.0),
             Some(at) => {
-                let (left, right, from) = self.straight();
                 let src = &src[at..at + self.frame.shape[0]];
-                dst[left..right].copy_from_slice(&src[from..from + right - left]);
-                self.fill_edges(dst, beyond, |i| src[i]);
+                let copy = |columns: Range<usize>, dst: &mut [f32]| {
+                    dst.copy_from_slice(&src[columns]);
+                };
+                self.fill_row(beyond, dst, copy, |i| src[i]);
             }
         }
     }
@@ -170,17 +173,56 @@ impl<const D: usize> Tile<D> {
         match self.source_row(row, Beyond::Zero) {
             None => dst.fill(0.0),
             Some(at) => {
-                let (left, right, from) = self.straight();
-                let n = right - left;
                 let (a, b) = (&a[at..at + self.frame.shape[0]], &b[at..at + self.frame.shape[0]]);
-                let (a_line, b_line, line) =
-                    (&a[from..from + n], &b[from..from + n], &mut dst[left..right]);
-                for i in 0..n {
-                    line[i] = a_line[i] + scale * b_line[i];
-                }
-                self.fill_edges(dst, Beyond::Zero, |i| a[i] + scale * b[i]);
+                let sum = |columns: Range<usize>, dst: &mut [f32]| {
+                    let n = dst.len();
+                    let (a, b) = (&a[columns.start..][..n], &b[columns.start..][..n]);
+                    for i in 0..n {
+                        dst[i] = a[i] + scale * b[i];
+                    }
+                };
+                self.fill_row(Beyond::Zero, dst, sum, |i| a[i] + scale * b[i]);
             }
         }
+    }
+
+    /// Fills a row of the buffer: `inside` the columns of the frame, `value` one by one those that
+    /// are mirrored.
+    #[inline(always)]
+    pub fn fill_row(
+        &self,
+        beyond: Beyond,
+        dst: &mut [f32],
+        inside: impl FnOnce(Range<usize>, &mut [f32]),
+        value: impl Fn(usize) -> f32,
+    ) {
+        let columns = self.columns();
+        let first = self.start[0] as isize - self.halo as isize;
+        let left = (columns.start as isize - first) as usize;
+        let right = left + columns.len();
+        inside(columns, &mut dst[left..right]);
+        for (end, outside) in self.frame.ends[0].into_iter().zip([0..left, right..dst.len()]) {
+            if end == End::Zero && beyond == Beyond::Zero {
+                dst[outside].fill(0.0);
+            } else {
+                for k in outside {
+                    dst[k] = self.inside(first + k as isize, 0, beyond).map_or(0.0, &value);
+                }
+            }
+        }
+    }
+
+    /// The columns of the frame that the buffer holds.
+    #[inline(always)]
+    pub fn columns(&self) -> Range<usize> {
+        let end = (self.start[0] + self.extent(0) - self.halo).min(self.frame.shape[0]);
+        self.start[0].saturating_sub(self.halo)..end
+    }
+
+    /// Which row of the frame a row of the buffer is or mirrors; `None` beyond a `Zero` side.
+    #[inline(always)]
+    pub fn frame_row(&self, row: usize) -> Option<usize> {
+        self.source_row(row, Beyond::Zero).map(|at| at / self.frame.shape[0])
     }
 
     /// Whether a row of the buffer lies beyond a `Zero` side.
@@ -210,30 +252,6 @@ impl<const D: usize> Tile<D> {
         }
         ghost(i, n, self.frame.ends[d])
             .or_else(|| (beyond == Beyond::Edge).then(|| i.clamp(0, n as isize - 1) as usize))
-    }
-
-    /// The columns of the buffer that lie inside the frame, and the frame's column of the first.
-    #[inline(always)]
-    fn straight(&self) -> (usize, usize, usize) {
-        let first = self.start[0] as isize - self.halo as isize;
-        let left = (-first).max(0) as usize;
-        let right = (self.frame.shape[0] as isize - first).min(self.extent(0) as isize) as usize;
-        (left, right, (first + left as isize) as usize)
-    }
-
-    #[inline(always)]
-    fn fill_edges(&self, dst: &mut [f32], beyond: Beyond, value: impl Fn(usize) -> f32) {
-        let (left, right, _) = self.straight();
-        let first = self.start[0] as isize - self.halo as isize;
-        for (end, beyond_end) in self.frame.ends[0].into_iter().zip([0..left, right..dst.len()]) {
-            if end == End::Zero && beyond == Beyond::Zero {
-                dst[beyond_end].fill(0.0);
-            } else {
-                for k in beyond_end {
-                    dst[k] = self.inside(first + k as isize, 0, beyond).map_or(0.0, &value);
-                }
-            }
-        }
     }
 
     /// For every row of the core: its offset in the buffer and in a slab (an array piece that

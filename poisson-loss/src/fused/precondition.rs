@@ -1,14 +1,21 @@
 //! The two passes of the preconditioner, before and after the coarse correction.
 
+use std::ops::Range;
+
 use inr_core::cpu::Kernel;
 
 use super::smoother::{F, Links, Rings, Smoother, filter};
+use crate::multigrid::Prolongation;
 use crate::tile::Beyond;
 
 /// Halo of the pass before the coarse correction: filter, black, residual.
 pub const HALO_DOWN: usize = F + 1 + 1;
 /// Halo of the pass after it: filter, black, black, red, filter.
 pub const HALO_UP: usize = F + 1 + 1 + 1 + F;
+
+/// Columns by which a row of a tile may reach beyond the frame: its halo, and what makes it whole
+/// vectors.
+const MIRRORED: usize = HALO_UP + 16;
 
 /// Before the coarse correction, on one tile: the updates of CG, and the nodal residual after
 /// smoothing from zero.
@@ -90,7 +97,7 @@ pub struct Up<'a, const D: usize> {
     pub whole_r: &'a [f32],
     /// From the slab on.
     pub r: &'a [f32],
-    pub correction: &'a [f32],
+    pub correction: Prolongation<'a, D>,
     pub z: &'a mut [f32],
 }
 
@@ -99,15 +106,25 @@ impl<const D: usize> Up<'_, D> {
     #[inline(always)]
     fn correct(&mut self, plane: usize) {
         let s = &mut self.smoother;
-        let e0 = s.tile.extent(0);
+        let (e0, n0) = (s.tile.extent(0), s.tile.frame.shape[0]);
+        // Mirrored columns lie within a tile's margins of those that it holds.
+        let columns = s.tile.columns();
+        let near = columns.start.saturating_sub(MIRRORED)..(columns.end + MIRRORED).min(n0);
+        let seen = self.correction.seen(near);
+        let first = seen.start;
         for (row, at) in s.rows() {
-            let of_tile = s.row_of_tile(plane, row);
-            let Rings { u: [u, ..], spare, .. } = &mut *s.rings;
-            let load = &mut spare.at_mut(0)[..e0];
-            s.tile.load_row(of_tile, self.correction, Beyond::Zero, load);
+            let Some(of_frame) = s.tile.frame_row(s.row_of_tile(plane, row)) else { continue };
+            let Rings { u: [u, ..], spare, sum, .. } = &mut *s.rings;
+            sum.resize(seen.len(), 0.0);
+            self.correction.across_rows(of_frame, seen.clone(), sum);
+            let line = &mut spare.at_mut(0)[..e0];
+            let inside = |columns: Range<usize>, line: &mut [f32]| {
+                self.correction.along_row(columns, sum, first, line);
+            };
+            s.tile.fill_row(Beyond::Zero, line, inside, |i| self.correction.at(i, sum, first));
             let u = &mut u.at_mut(plane)[at..][..e0];
             for i in 0..e0 {
-                u[i] += load[i];
+                u[i] += line[i];
             }
         }
     }

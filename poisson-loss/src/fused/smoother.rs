@@ -27,6 +27,8 @@ pub struct Rings {
     /// 1 at even columns and 0 at odd ones, then the other way round.
     pub checker: [Vec<f32>; 2],
     pub zeros: Vec<f32>,
+    /// A row of the coarse correction, at coarse columns.
+    pub sum: Vec<f32>,
 }
 
 /// The geometry of a tile's pipeline and the smoother's weights on it.

@@ -3,7 +3,8 @@
 use inr_core::cpu::{Kernel, dispatch};
 use rayon::prelude::*;
 
-use super::{PARALLEL_FROM, TASK, transfer::restrict};
+use super::transfer::{Prolongation, restrict};
+use super::{PARALLEL_FROM, TASK};
 use crate::axis::{Axis, Transfer};
 use crate::ring::Ring;
 
@@ -120,6 +121,12 @@ impl<const D: usize> Level<D> {
         let (screening, gamma) = (restricted(&self.screening), restricted(&self.gamma));
         self.to_coarse = Some(transfers);
         Some(Level::new(axes, screening, gamma, true))
+    }
+
+    /// The interpolation of values of the next coarser level.
+    pub fn prolongation<'a>(&'a self, coarse: &Self, src: &'a [f32]) -> Prolongation<'a, D> {
+        let transfer = self.to_coarse.as_ref().expect("a coarser level exists");
+        Prolongation { transfer, fine: self.shape(), coarse: coarse.shape(), src }
     }
 
     /// Coordinates of a row: one index per axis, that of axis 0 being 0.

@@ -1,17 +1,12 @@
 //! Restriction and prolongation between two levels, separable in the axes.
 
+use std::ops::Range;
+
 use inr_core::cpu::{Kernel, dispatch};
 use rayon::prelude::*;
 
 use super::{PARALLEL_FROM, TASK};
 use crate::axis::Transfer;
-
-/// Whether a prolongation replaces the fine values or is added to them.
-#[derive(Clone, Copy, PartialEq)]
-pub enum Prolong {
-    Replace,
-    Add,
-}
 
 /// Applies the separable restriction: for every coarse row the weighted sum of the fine rows
 /// around it, then the same along the row.
@@ -111,61 +106,69 @@ fn restrict_line(table: &[(usize, Vec<f32>)], src: &[f32], dst: &mut [f32]) {
     }
 }
 
-/// Linear interpolation to the finer nodes, replacing or adding to `dst`.
-pub fn prolong<const D: usize>(
-    transfer: &[Transfer; D],
-    fine: [usize; D],
-    src: &[f32],
-    coarse: [usize; D],
-    dst: &mut [f32],
-    mode: Prolong,
-) {
-    let (n0, m0) = (fine[0], coarse[0]);
-    let rows = if dst.len() < PARALLEL_FROM { dst.len() / n0 } else { TASK.div_ceil(n0) };
-    dst.par_chunks_mut(rows.max(1) * n0).enumerate().for_each_init(
+/// Adds the linear interpolation of coarse values to the finer nodes.
+pub fn prolong<const D: usize>(prolongation: Prolongation<'_, D>, dst: &mut [f32]) {
+    let (n0, m0) = (prolongation.fine[0], prolongation.coarse[0]);
+    let rows = if dst.len() < PARALLEL_FROM { dst.len() / n0 } else { TASK.div_ceil(n0) }.max(1);
+    dst.par_chunks_mut(rows * n0).enumerate().for_each_init(
         || (vec![0.0f32; m0], vec![0.0f32; n0]),
         |(sum, line), (task, dst)| {
-            for (r, dst) in dst.chunks_exact_mut(n0).enumerate() {
-                dispatch(ProlongRow {
-                    transfer,
-                    fine,
-                    src,
-                    coarse,
-                    row: task * rows + r,
-                    sum,
-                    line,
-                    dst,
-                    mode,
-                });
-            }
+            dispatch(ProlongRows { prolongation, first: task * rows, sum, line, dst });
         },
     );
 }
 
-struct ProlongRow<'a, const D: usize> {
-    transfer: &'a [Transfer; D],
-    fine: [usize; D],
-    src: &'a [f32],
-    coarse: [usize; D],
-    row: usize,
+struct ProlongRows<'a, const D: usize> {
+    prolongation: Prolongation<'a, D>,
+    first: usize,
     sum: &'a mut [f32],
     line: &'a mut [f32],
     dst: &'a mut [f32],
-    mode: Prolong,
 }
 
-impl<const D: usize> Kernel for ProlongRow<'_, D> {
+impl<const D: usize> Kernel for ProlongRows<'_, D> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let m0 = self.sum.len();
+        let (n0, m0) = (self.line.len(), self.sum.len());
+        for (row, dst) in self.dst.chunks_exact_mut(n0).enumerate() {
+            self.prolongation.across_rows(self.first + row, 0..m0, self.sum);
+            self.prolongation.along_row(0..n0, self.sum, 0, self.line);
+            dst.iter_mut().zip(&*self.line).for_each(|(a, b)| *a += b);
+        }
+    }
+}
+
+/// Linear interpolation from a coarser level, by rows: first the outer axes, then along the row.
+#[derive(Clone, Copy)]
+pub struct Prolongation<'a, const D: usize> {
+    pub transfer: &'a [Transfer; D],
+    pub fine: [usize; D],
+    pub coarse: [usize; D],
+    /// Coarse values.
+    pub src: &'a [f32],
+}
+
+impl<const D: usize> Prolongation<'_, D> {
+    /// The coarse columns that fine ones see.
+    #[inline(always)]
+    pub fn seen(&self, columns: Range<usize>) -> Range<usize> {
+        let table = &self.transfer[0].prolong;
+        table[columns.start].0..(table[columns.end - 1].0 + 2).min(self.coarse[0])
+    }
+
+    /// Interpolates a fine row along the outer axes, on some coarse columns.
+    #[inline(always)]
+    pub fn across_rows(&self, row: usize, columns: Range<usize>, sum: &mut [f32]) {
         let mut entries = [(0usize, 0.0f32, 0.0f32); D];
-        let mut rest = self.row;
+        let mut rest = row;
         for d in 1..D {
             entries[d] = self.transfer[d].prolong[rest % self.fine[d]];
             rest /= self.fine[d];
         }
-        self.sum.fill(0.0);
+        let n = columns.len();
+        let sum = &mut sum[..n];
+        sum.fill(0.0);
         for combination in 0..1usize << (D - 1) {
             let (mut row, mut weight, mut stride) = (0, 1.0f32, 1);
             for d in 1..D {
@@ -175,34 +178,41 @@ impl<const D: usize> Kernel for ProlongRow<'_, D> {
                 stride *= self.coarse[d];
             }
             if weight != 0.0 {
-                let src = &self.src[row * m0..][..m0];
-                for i in 0..m0 {
-                    self.sum[i] += weight * src[i];
+                let src = &self.src[row * self.coarse[0] + columns.start..][..n];
+                for i in 0..n {
+                    sum[i] += weight * src[i];
                 }
             }
         }
-        prolong_line(&self.transfer[0], self.sum, self.line);
-        match self.mode {
-            Prolong::Replace => self.dst.copy_from_slice(self.line),
-            Prolong::Add => self.dst.iter_mut().zip(&*self.line).for_each(|(a, b)| *a += b),
-        }
     }
-}
 
-/// Interpolation along one line. In the regular part nodes take turns: a copy, then a mean.
-#[inline(always)]
-fn prolong_line(transfer: &Transfer, src: &[f32], dst: &mut [f32]) {
-    let (first, pairs) = transfer.regular;
-    let end = first + 2 * pairs;
-    for i in (0..first).chain(end..dst.len()) {
-        let (k, a, b) = transfer.prolong[i];
-        dst[i] = a * src[k] + if b == 0.0 { 0.0 } else { b * src[k + 1] };
-    }
-    if pairs > 0 {
-        let src = &src[transfer.prolong[first].0..];
-        for (pair, s) in dst[first..end].chunks_exact_mut(2).zip(src.windows(2)) {
-            pair[0] = s[0];
-            pair[1] = 0.5 * (s[0] + s[1]);
+    /// Interpolates along a row: fine columns from values at coarse columns that begin with
+    /// `first`. In the regular part nodes take turns: a copy, then a mean.
+    #[inline(always)]
+    pub fn along_row(&self, columns: Range<usize>, sum: &[f32], first: usize, dst: &mut [f32]) {
+        let (regular, pairs) = self.transfer[0].regular;
+        let end = (regular + 2 * pairs).min(columns.end);
+        let start = columns.start.max(regular);
+        let start = start + (start - regular) % 2;
+        let pairs = end.saturating_sub(start) / 2;
+        let (from, to) =
+            if pairs > 0 { (start, start + 2 * pairs) } else { (columns.end, columns.end) };
+        for i in (columns.start..from).chain(to..columns.end) {
+            dst[i - columns.start] = self.at(i, sum, first);
         }
+        if pairs > 0 {
+            let sum = &sum[self.transfer[0].prolong[start].0 - first..];
+            let dst = &mut dst[from - columns.start..to - columns.start];
+            for (pair, s) in dst.as_chunks_mut::<2>().0.iter_mut().zip(sum.windows(2)) {
+                *pair = [s[0], 0.5 * (s[0] + s[1])];
+            }
+        }
+    }
+
+    /// One fine column of [`Prolongation::along_row`].
+    #[inline(always)]
+    pub fn at(&self, i: usize, sum: &[f32], first: usize) -> f32 {
+        let (k, a, b) = self.transfer[0].prolong[i];
+        a * sum[k - first] + if b == 0.0 { 0.0 } else { b * sum[k - first + 1] }
     }
 }
