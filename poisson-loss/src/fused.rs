@@ -21,11 +21,12 @@ mod smoother;
 use inr_core::cpu::dispatch;
 use rayon::prelude::*;
 
+use crate::axis::Transfer;
 use crate::cg::System;
-use crate::multigrid::{self, Multigrid, restrict};
+use crate::multigrid::{self, Multigrid, Restriction};
 use crate::operator::{REACH, SplineOperator};
 use crate::plain::{line_dot, row_weight};
-use crate::tile::Tile;
+use crate::tile::{Frame, Tile};
 use blocks::{Class, classify};
 use precondition::{Down, HALO_DOWN, HALO_UP, Up};
 use smoother::{Rings, Smoother, inverse_diagonal};
@@ -64,8 +65,8 @@ pub struct FusedSystem<'a, const D: usize> {
     /// The next residual while passing down, then the preconditioned residual `z`.
     r_or_z: Vec<f32>,
     p: Vec<f32>,
-    /// The next direction; in between the nodal residual.
-    p_or_nodal: Vec<f32>,
+    /// The next direction.
+    p_next: Vec<f32>,
     q: Vec<f32>,
     pending_alpha: f32,
 }
@@ -80,28 +81,32 @@ impl<'a, const D: usize> FusedSystem<'a, D> {
             r,
             r_or_z: zeros(),
             p: zeros(),
-            p_or_nodal: zeros(),
+            p_next: zeros(),
             q: zeros(),
             shared,
             pending_alpha: 0.0,
         }
     }
 
-    /// `x += alpha p`, `r -= alpha q`, and the nodal residual after smoothing from zero.
+    /// `x += alpha p`, `r -= alpha q`, and the coarse right-hand side after smoothing from zero.
     fn pass_down(&mut self) {
-        let FusedOperator { operator, inverse, classes, .. } = self.shared;
+        let FusedOperator { operator, multigrid, inverse, classes } = self.shared;
         let (frame, alpha) = (operator.frame, self.pending_alpha);
         let len = frame.slab_len();
+        let transfer = multigrid.levels[0].to_coarse.as_ref().expect("a coarser level exists");
+        let coarse = multigrid.levels[1].shape();
         let (r, p, q) = (&self.r, &self.p, &self.q);
+        let pieces = coarse_slabs(&frame, &transfer[D - 1], coarse, &mut self.work[1].f);
         let outputs = self.x.par_chunks_mut(len).zip(self.r_or_z.par_chunks_mut(len));
-        outputs.zip(self.p_or_nodal.par_chunks_mut(len)).enumerate().for_each_init(
+        outputs.zip(pieces).enumerate().for_each_init(
             Rings::default,
-            |rings, (slab, ((x, r_next), nodal))| {
+            |rings, (slab, ((x, r_next), (first_plane, f)))| {
                 for (tile, class) in frame.tiles(slab, HALO_DOWN).into_iter().zip(&classes[slab]) {
                     let smoother = Smoother::new(tile, operator.alpha, inverse, class, rings);
                     let p = &p[slab * len..];
-                    let (x, r_next, nodal) = (&mut *x, &mut *r_next, &mut *nodal);
-                    dispatch(Down { smoother, r, q, p, alpha, x, r_next, nodal });
+                    let (x, r_next, f) = (&mut *x, &mut *r_next, &mut *f);
+                    let coarse = (coarse, first_plane);
+                    dispatch(Down { smoother, r, q, p, alpha, x, r_next, transfer, coarse, f });
                 }
             },
         );
@@ -132,12 +137,7 @@ impl<'a, const D: usize> FusedSystem<'a, D> {
 impl<const D: usize> System for FusedSystem<'_, D> {
     fn precondition(&mut self) -> f64 {
         self.pass_down();
-        let multigrid = &self.shared.multigrid;
-        let (finest, coarse) = (&multigrid.levels[0], &multigrid.levels[1]);
-        let transfer = finest.to_coarse.as_ref().expect("the fused system has a coarser level");
-        let (nodal, f) = (&self.p_or_nodal, &mut self.work[1].f);
-        restrict(transfer, finest.shape(), nodal, coarse.shape(), f);
-        multigrid.cycle(&mut self.work, 1);
+        self.shared.multigrid.cycle(&mut self.work, 1);
         self.pass_up()
     }
 
@@ -156,10 +156,10 @@ impl<const D: usize> System for FusedSystem<'_, D> {
             };
             tiles.map(dot).sum::<f64>()
         };
-        let outputs = self.p_or_nodal.par_chunks_mut(len).zip(self.q.par_chunks_mut(len));
+        let outputs = self.p_next.par_chunks_mut(len).zip(self.q.par_chunks_mut(len));
         let partial: Vec<f64> =
             outputs.enumerate().map_init(product::Work::default, along).collect();
-        std::mem::swap(&mut self.p, &mut self.p_or_nodal);
+        std::mem::swap(&mut self.p, &mut self.p_next);
         partial.iter().sum()
     }
 
@@ -167,6 +167,27 @@ impl<const D: usize> System for FusedSystem<'_, D> {
         // The update itself is part of the next pass down.
         self.pending_alpha = alpha;
     }
+}
+
+/// The parts of a coarse level's values that the slabs of the finest one own, each with its first
+/// plane.
+fn coarse_slabs<'a, const D: usize>(
+    frame: &Frame<D>,
+    transfer: &Transfer,
+    coarse: [usize; D],
+    mut values: &'a mut [f32],
+) -> Vec<(usize, &'a mut [f32])> {
+    let plane: usize = coarse[..D - 1].iter().product();
+    let (slabs, planes) = (frame.len().div_ceil(frame.slab_len()), frame.shape[D - 1]);
+    let thickness = frame.slab_len() / (frame.len() / planes);
+    let piece = |slab: usize| {
+        let fine = slab * thickness..((slab + 1) * thickness).min(planes);
+        let owned = Restriction::<D>::owned(transfer, fine);
+        let (head, tail) = std::mem::take(&mut values).split_at_mut(owned.len() * plane);
+        values = tail;
+        (owned.start, head)
+    };
+    (0..slabs).map(piece).collect()
 }
 
 /// The weighted inner product of two pieces of a core row, given by plane and row in the plane.
@@ -193,7 +214,6 @@ mod tests {
     use super::*;
     use crate::axis::{Axis, End};
     use crate::plain::PlainSystem;
-    use crate::tile::Frame;
 
     /// Same sums in another order: a few f32 roundings of values of order one.
     const TOLERANCE: f32 = 2e-5;

@@ -12,8 +12,8 @@ mod transfer;
 use dense::Dense;
 pub use level::{Level, Vectors};
 use smooth::smooth;
-use transfer::prolong;
-pub use transfer::{Prolongation, restrict};
+pub use transfer::{Prolongation, Restriction};
+use transfer::{prolong, restrict};
 
 use crate::axis::Axis;
 

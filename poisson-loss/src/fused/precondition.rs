@@ -5,11 +5,14 @@ use std::ops::Range;
 use inr_core::cpu::Kernel;
 
 use super::smoother::{F, Links, Rings, Smoother, filter};
-use crate::multigrid::Prolongation;
+use crate::axis::Transfer;
+use crate::multigrid::{Prolongation, Restriction};
 use crate::tile::Beyond;
 
-/// Halo of the pass before the coarse correction: filter, black, residual.
-pub const HALO_DOWN: usize = F + 1 + 1;
+/// Halo of the pass before the coarse correction: filter, black, residual, restriction.
+pub const HALO_DOWN: usize = F + 1 + 1 + 2;
+/// How far the residual follows behind what is loaded.
+const BEHIND: usize = F + 1 + 1;
 /// Halo of the pass after it: filter, black, black, red, filter.
 pub const HALO_UP: usize = F + 1 + 1 + 1 + F;
 
@@ -17,8 +20,8 @@ pub const HALO_UP: usize = F + 1 + 1 + 1 + F;
 /// vectors.
 const MIRRORED: usize = HALO_UP + 16;
 
-/// Before the coarse correction, on one tile: the updates of CG, and the nodal residual after
-/// smoothing from zero.
+/// Before the coarse correction, on one tile: the updates of CG, and the coarse right-hand side
+/// from the nodal residual after smoothing from zero.
 pub struct Down<'a, const D: usize> {
     pub smoother: Smoother<'a, D>,
     pub r: &'a [f32],
@@ -28,7 +31,10 @@ pub struct Down<'a, const D: usize> {
     pub alpha: f32,
     pub x: &'a mut [f32],
     pub r_next: &'a mut [f32],
-    pub nodal: &'a mut [f32],
+    pub transfer: &'a [Transfer; D],
+    /// Shape of the coarse level, and its right-hand side from this plane of it on.
+    pub coarse: ([usize; D], usize),
+    pub f: &'a mut [f32],
 }
 
 impl<const D: usize> Down<'_, D> {
@@ -49,19 +55,50 @@ impl<const D: usize> Down<'_, D> {
         }
     }
 
-    /// Stores the nodal residual of a plane.
+    /// The nodal residual of a plane: zero on black nodes.
     #[inline(always)]
-    fn store_nodal(&mut self, plane: usize) {
-        let s = &self.smoother;
-        let (tile, n) = (s.tile, s.tile.core[0]);
-        for (row, at) in tile.core_rows_of(plane) {
-            let red = &s.rings.checker[s.red_phase(plane, row)][tile.halo..][..n];
-            let out = &mut self.nodal[at..][..n];
-            let links =
-                Links::new(&s.rings.u[0], plane, row * tile.extent(0) + tile.halo, n, s.strides);
-            for i in 0..n {
+    fn nodal_residual(&mut self, plane: usize) {
+        let s = &mut self.smoother;
+        let e0 = s.tile.extent(0);
+        for (row, at) in s.rows() {
+            let red = s.red_phase(plane, row);
+            let Rings { u: [u, ..], checker, nodal, .. } = &mut *s.rings;
+            let red = &checker[red][..e0];
+            let out = &mut nodal[plane * s.strides[D - 1] + at..][..e0];
+            let links = Links::new(u, plane, at, e0, s.strides);
+            for i in 0..e0 {
                 out[i] = red[i] * links.sum(i, s.alpha);
             }
+        }
+    }
+
+    /// Restricts the tile's nodal residual to the coarse nodes that lie in its core.
+    #[inline(always)]
+    fn restrict(&mut self) {
+        let tile = self.smoother.tile;
+        let (coarse, first_plane) = self.coarse;
+        let Rings { nodal, sum, .. } = &mut *self.smoother.rings;
+        let from = Restriction {
+            transfer: self.transfer,
+            origin: std::array::from_fn(|d| tile.start[d] as isize - tile.halo as isize),
+            shape: std::array::from_fn(|d| tile.extent(d)),
+            src: nodal,
+        };
+        let owned: [Range<usize>; D] = std::array::from_fn(|d| {
+            let core = tile.start[d]..tile.start[d] + tile.core[d];
+            Restriction::<D>::owned(&self.transfer[d], core)
+        });
+        let rows: usize = owned[1..].iter().map(Range::len).product();
+        for row in 0..rows {
+            let (mut rest, mut index) = (row, [0; D]);
+            let (mut at, mut stride) = (owned[0].start, coarse[0]);
+            for d in 1..D {
+                index[d] = owned[d].start + rest % owned[d].len();
+                rest /= owned[d].len();
+                at += (index[d] - if d + 1 == D { first_plane } else { 0 }) * stride;
+                stride *= coarse[d];
+            }
+            from.row(index, owned[0].clone(), sum, &mut self.f[at..][..owned[0].len()]);
         }
     }
 }
@@ -71,6 +108,8 @@ impl<const D: usize> Kernel for Down<'_, D> {
     #[inline(always)]
     fn run(mut self) {
         let planes = self.smoother.tile.extent(D - 1);
+        let tile_len = self.smoother.tile.len();
+        self.smoother.rings.nodal.resize(tile_len, 0.0);
         let (r, q, alpha) = (self.r, self.q, self.alpha);
         for step in 0..planes {
             self.smoother.load_plane(step, r, alpha, q);
@@ -84,10 +123,11 @@ impl<const D: usize> Kernel for Down<'_, D> {
             if step >= 2 * (F + 1) {
                 self.smoother.first_black(step - F - 1);
             }
-            if step >= 2 * HALO_DOWN {
-                self.store_nodal(step - HALO_DOWN);
+            if step >= 2 * BEHIND {
+                self.nodal_residual(step - BEHIND);
             }
         }
+        self.restrict();
     }
 }
 

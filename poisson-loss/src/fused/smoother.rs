@@ -27,7 +27,9 @@ pub struct Rings {
     /// 1 at even columns and 0 at odd ones, then the other way round.
     pub checker: [Vec<f32>; 2],
     pub zeros: Vec<f32>,
-    /// A row of the coarse correction, at coarse columns.
+    /// The nodal residual of a whole tile.
+    pub nodal: Vec<f32>,
+    /// A row on the way to or from the coarse level.
     pub sum: Vec<f32>,
 }
 

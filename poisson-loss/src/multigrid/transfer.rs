@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{PARALLEL_FROM, TASK};
 use crate::axis::Transfer;
 
-/// Applies the separable restriction: for every coarse row the weighted sum of the fine rows
+/// The restriction of a level's values: for every coarse row the weighted sum of the fine rows
 /// around it, then the same along the row.
 pub fn restrict<const D: usize>(
     transfer: &[Transfer; D],
@@ -17,50 +17,77 @@ pub fn restrict<const D: usize>(
     coarse: [usize; D],
     dst: &mut [f32],
 ) {
-    let (n0, m0) = (fine[0], coarse[0]);
-    let rows_per_task =
-        if src.len() < PARALLEL_FROM { dst.len() / m0 } else { (TASK / 4).div_ceil(m0) };
-    dst.par_chunks_mut(rows_per_task.max(1) * m0).enumerate().for_each_init(
-        || vec![0.0f32; n0],
-        |sum, (task, dst)| {
-            for (r, dst) in dst.chunks_exact_mut(m0).enumerate() {
-                dispatch(RestrictRow {
-                    transfer,
-                    fine,
-                    coarse,
-                    src,
-                    row: task * rows_per_task + r,
-                    sum,
-                    dst,
-                });
-            }
-        },
-    );
+    let m0 = coarse[0];
+    let rows = if src.len() < PARALLEL_FROM { dst.len() / m0 } else { (TASK / 4).div_ceil(m0) };
+    let rows = rows.max(1);
+    dst.par_chunks_mut(rows * m0).enumerate().for_each_init(Vec::new, |sum, (task, dst)| {
+        let from = Restriction { transfer, origin: [0; D], shape: fine, src };
+        dispatch(RestrictRows { from, coarse, first: task * rows, sum, dst });
+    });
 }
 
-struct RestrictRow<'a, const D: usize> {
-    transfer: &'a [Transfer; D],
-    fine: [usize; D],
+struct RestrictRows<'a, const D: usize> {
+    from: Restriction<'a, D>,
     coarse: [usize; D],
-    src: &'a [f32],
-    row: usize,
-    sum: &'a mut [f32],
+    first: usize,
+    sum: &'a mut Vec<f32>,
     dst: &'a mut [f32],
 }
 
-impl<const D: usize> Kernel for RestrictRow<'_, D> {
+impl<const D: usize> Kernel for RestrictRows<'_, D> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let n0 = self.fine[0];
-        let (mut rest, mut taps, mut combinations) = (self.row, [(0usize, &[][..]); D], 1);
-        for d in 1..D {
-            let (start, weights) = &self.transfer[d].restrict[rest % self.coarse[d]];
-            taps[d] = (*start, weights);
-            combinations *= weights.len();
-            rest /= self.coarse[d];
+        let m0 = self.coarse[0];
+        for (row, dst) in self.dst.chunks_exact_mut(m0).enumerate() {
+            let (mut rest, mut index) = (self.first + row, [0; D]);
+            for d in 1..D {
+                index[d] = rest % self.coarse[d];
+                rest /= self.coarse[d];
+            }
+            self.from.row(index, 0..m0, self.sum, dst);
         }
-        self.sum.fill(0.0);
+    }
+}
+
+/// Restriction from fine values on a box, by coarse rows.
+#[derive(Clone, Copy)]
+pub struct Restriction<'a, const D: usize> {
+    pub transfer: &'a [Transfer; D],
+    /// Fine index of the box's first node; negative beyond the level.
+    pub origin: [isize; D],
+    pub shape: [usize; D],
+    pub src: &'a [f32],
+}
+
+impl<const D: usize> Restriction<'_, D> {
+    /// The coarse indices along an axis whose middle fine node is one of `fine`.
+    pub fn owned(transfer: &Transfer, fine: Range<usize>) -> Range<usize> {
+        let before = |end: usize| {
+            transfer.restrict.partition_point(|(start, weights)| start + weights.len() / 2 < end)
+        };
+        before(fine.start)..before(fine.end)
+    }
+
+    /// Coarse `columns` of the row at `index` (entry 0 is not used).
+    #[inline(always)]
+    pub fn row(
+        &self,
+        index: [usize; D],
+        columns: Range<usize>,
+        sum: &mut Vec<f32>,
+        dst: &mut [f32],
+    ) {
+        let n0 = self.shape[0];
+        let (mut taps, mut combinations) = ([(0usize, &[][..]); D], 1);
+        for d in 1..D {
+            let (start, weights) = &self.transfer[d].restrict[index[d]];
+            taps[d] = (start.wrapping_add_signed(-self.origin[d]), weights);
+            combinations *= weights.len();
+        }
+        sum.resize(n0, 0.0);
+        let sum = &mut sum[..n0];
+        sum.fill(0.0);
         for combination in 0..combinations {
             let (mut rest, mut row, mut weight, mut stride) = (combination, 0, 1.0f32, 1);
             for d in 1..D {
@@ -68,29 +95,28 @@ impl<const D: usize> Kernel for RestrictRow<'_, D> {
                 rest /= taps[d].1.len();
                 row += (taps[d].0 + tap) * stride;
                 weight *= taps[d].1[tap];
-                stride *= self.fine[d];
+                stride *= self.shape[d];
             }
             let src = &self.src[row * n0..][..n0];
             for i in 0..n0 {
-                self.sum[i] += weight * src[i];
+                sum[i] += weight * src[i];
             }
         }
-        restrict_line(&self.transfer[0].restrict, self.sum, self.dst);
+        restrict_line(&self.transfer[0].restrict[columns], sum, self.origin[0], dst);
     }
 }
 
-/// The restriction along one line. Almost all nodes have the weights 1/4, 1/2, 1/4 at stride 2.
+/// The restriction along one line that begins at fine index `origin`. Almost all nodes have the
+/// weights 1/4, 1/2, 1/4 at stride 2.
 #[inline(always)]
-fn restrict_line(table: &[(usize, Vec<f32>)], src: &[f32], dst: &mut [f32]) {
+fn restrict_line(table: &[(usize, Vec<f32>)], src: &[f32], origin: isize, dst: &mut [f32]) {
     const FULL: [f32; 3] = [0.25, 0.5, 0.25];
     let full = |k: usize| table[k].1 == FULL;
-    let m = dst.len();
-    let one = |k: usize| -> f32 {
-        let (start, weights) = &table[k];
-        weights.iter().zip(&src[*start..]).map(|(w, v)| w * v).sum()
-    };
-    let (mut lo, mut hi) = (0, m);
-    while lo < m && !full(lo) {
+    let place = |k: usize| table[k].0.wrapping_add_signed(-origin);
+    let one =
+        |k: usize| -> f32 { table[k].1.iter().zip(&src[place(k)..]).map(|(w, v)| w * v).sum() };
+    let (mut lo, mut hi) = (0, dst.len());
+    while lo < hi && !full(lo) {
         dst[lo] = one(lo);
         lo += 1;
     }
@@ -99,8 +125,7 @@ fn restrict_line(table: &[(usize, Vec<f32>)], src: &[f32], dst: &mut [f32]) {
         dst[hi] = one(hi);
     }
     if lo < hi {
-        let src = &src[table[lo].0..];
-        for (v, s) in dst[lo..hi].iter_mut().zip(src.windows(3).step_by(2)) {
+        for (v, s) in dst[lo..hi].iter_mut().zip(src[place(lo)..].windows(3).step_by(2)) {
             *v = 0.25 * (s[0] + s[2]) + 0.5 * s[1];
         }
     }
