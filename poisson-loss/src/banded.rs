@@ -7,8 +7,9 @@
 use inr_core::Jet;
 
 use crate::Result;
-use crate::assembly::{Inputs, skirted};
+use crate::assembly::skirted;
 use crate::axis::{End, ghost};
+use crate::inputs::Inputs;
 use crate::operator::{CellPoint, cell_points};
 use crate::plan::Plan;
 use crate::problem::Problem;

@@ -228,9 +228,27 @@ mod tests {
             .collect()
     }
 
-    fn operator<const D: usize>(frame: Frame<D>, mixed: bool) -> SplineOperator<D> {
+    /// How the screening varies: not at all, from sample to sample, or across a few edges.
+    #[derive(Clone, Copy)]
+    enum Mix {
+        Uniform,
+        Noise,
+        Edges,
+    }
+
+    fn operator<const D: usize>(frame: Frame<D>, mix: Mix) -> SplineOperator<D> {
         let random = noise(frame.len(), 7);
-        let screening = random.iter().map(|v| if mixed && *v > 0.0 { 0.3 } else { 0.06 }).collect();
+        let screening = (0..frame.len())
+            .map(|k| {
+                let column = k % frame.shape[0];
+                let in_box = (column > 9 && column < 19) || (100..260).contains(&column);
+                match mix {
+                    Mix::Noise if random[k] > 0.0 => 0.3,
+                    Mix::Edges if in_box && (5..150).contains(&(k / frame.shape[0])) => 0.0,
+                    _ => 0.06,
+                }
+            })
+            .collect();
         let alpha = std::array::from_fn(|d| 1.0 + 0.5 * d as f32);
         SplineOperator { frame, alpha, screening, gamma: Vec::new() }
     }
@@ -243,12 +261,12 @@ mod tests {
     }
 
     /// Every operation of the fused system against the plain one, on the same vectors.
-    fn fused_matches_plain<const D: usize>(shape: [usize; D], ends: [[End; 2]; D], mixed: bool) {
+    fn fused_matches_plain<const D: usize>(shape: [usize; D], ends: [[End; 2]; D], mix: Mix) {
         let frame = Frame { shape, ends };
         let axes: [Axis; D] = std::array::from_fn(|d| {
-            Axis::uniform(shape[d], ends[d], operator(frame, mixed).alpha[d])
+            Axis::uniform(shape[d], ends[d], operator(frame, mix).alpha[d])
         });
-        let make = || operator(frame, mixed);
+        let make = || operator(frame, mix);
         let (plain_operator, residual) = (make(), noise(frame.len(), 3));
         let multigrid = Multigrid::new(axes.clone(), make().screening, Vec::new());
         let mut plain = PlainSystem::new(&plain_operator, &multigrid, &[], residual.clone());
@@ -274,21 +292,21 @@ mod tests {
     #[test]
     fn fused_matches_plain_images() {
         use End::{Mirror, Zero};
-        for mixed in [false, true] {
-            fused_matches_plain([33, 27], [[Zero, Zero], [Zero, Zero]], mixed);
-            fused_matches_plain([28, 23], [[Mirror, Mirror], [Mirror, Mirror]], mixed);
-            fused_matches_plain([300, 211], [[Mirror, Zero], [Zero, Mirror]], mixed);
+        for mix in [Mix::Uniform, Mix::Noise, Mix::Edges] {
+            fused_matches_plain([33, 27], [[Zero, Zero], [Zero, Zero]], mix);
+            fused_matches_plain([28, 23], [[Mirror, Mirror], [Mirror, Mirror]], mix);
+            fused_matches_plain([300, 211], [[Mirror, Zero], [Zero, Mirror]], mix);
         }
     }
 
     #[test]
     fn fused_matches_plain_volumes() {
         use End::{Mirror, Zero};
-        for mixed in [false, true] {
+        for mix in [Mix::Uniform, Mix::Noise, Mix::Edges] {
             fused_matches_plain(
                 [21, 18, 35],
                 [[Mirror, Zero], [Zero, Zero], [Mirror, Mirror]],
-                mixed,
+                mix,
             );
         }
     }

@@ -100,6 +100,7 @@ mod error;
 mod exact;
 mod fused;
 mod guidance;
+mod inputs;
 mod metrics;
 mod multigrid;
 mod objective;

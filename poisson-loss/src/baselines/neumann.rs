@@ -7,7 +7,7 @@ use rustdct::DctPlanner;
 
 use super::stage::Stage;
 use super::{report, row_starts};
-use crate::assembly::not_finite;
+use crate::inputs::not_finite;
 use crate::problem::Support;
 use crate::{Blend, Error, Problem, Result};
 

@@ -1,7 +1,7 @@
 //! Copy and paste: no solve at all.
 
 use super::{report, row_starts};
-use crate::assembly::{not_finite, sample_patch};
+use crate::inputs::{not_finite, sample_patch};
 use crate::problem::Support;
 use crate::{Blend, Problem, Result};
 

@@ -3,7 +3,8 @@
 use inr_core::{Field, Jet, Spline};
 use rayon::prelude::*;
 
-use crate::assembly::{check, edge_samples, mean_at, sample_patch};
+use crate::assembly::{edge_samples, mean_at};
+use crate::inputs::{check, sample_patch};
 use crate::plan::solved_box;
 use crate::problem::{Patch, Support, copy_box};
 use crate::tile::Frame;

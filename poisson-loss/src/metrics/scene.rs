@@ -6,7 +6,7 @@ use inr_core::{Domain, Samples, Spline, distance_to, distance_to_cells, prefilte
 use rayon::prelude::*;
 
 use super::points::unflatten;
-use crate::assembly::{Moved, check, sample_patch};
+use crate::inputs::{Moved, check, sample_patch};
 use crate::plan::{Plan, ramp};
 use crate::problem::copy_box;
 use crate::{Problem, Result};

@@ -257,3 +257,44 @@ impl<'a, const D: usize> Stencil<'a, D> {
         sum
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::axis::{Axis, End};
+
+    fn passes_match_single_sweeps<const D: usize>(shape: [usize; D], ends: [End; 2]) {
+        let axes: [Axis; D] =
+            std::array::from_fn(|d| Axis::uniform(shape[d], ends, 1.0 + d as f32));
+        let n = shape.iter().product::<usize>();
+        let wave = |k: usize, step: usize| (k * step % 101) as f32 / 50.0 - 1.0;
+        let screening = (0..n).map(|k| 0.1 + 0.1 * wave(k, 7)).collect();
+        let level = Level::new(axes, screening, Vec::new(), true);
+        let start = || Vectors {
+            u: (0..n).map(|k| wave(k, 13)).collect(),
+            f: (0..n).map(|k| wave(k, 29)).collect(),
+            ..Vectors::zeros(n)
+        };
+        for (colours, from_zero) in [(vec![0, 1, 0, 1, 0, 1], true), (vec![1, 0], false)] {
+            let (mut fast, mut plain) = (start(), start());
+            smooth(&level, &mut fast, &colours, from_zero, true);
+            smooth_plainly(&level, &mut plain, &colours, from_zero, true);
+            for (a, b) in [(&fast.u, &plain.u), (&fast.residual, &plain.residual)] {
+                // Values of order one, summed in another order.
+                let error = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                assert!(error < 1e-5, "{shape:?} {ends:?}: off by {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn passes_of_several_half_sweeps_match_single_ones() {
+        for ends in [[End::Zero, End::Mirror], [End::Mirror, End::Zero], [End::Zero; 2]] {
+            passes_match_single_sweeps([57], ends);
+            passes_match_single_sweeps([33, 21], ends);
+            // Several tasks.
+            passes_match_single_sweeps([131, 301], ends);
+            passes_match_single_sweeps([23, 29, 61], ends);
+        }
+    }
+}
