@@ -129,7 +129,8 @@ pub struct SolveArgs {
     #[arg(long, value_name = "PX", help_heading = "Blending", allow_hyphen_values = true)]
     #[arg(value_parser = values::positive)]
     pub length: Option<f32>,
-    /// Keep the patch's own colours deeper inside than this many pixels [default: do not].
+    /// Keep the patch's own colours deeper inside than this many pixels; wants a mask that fits the object
+    /// closely, or its surroundings are kept as well [default: do not].
     #[arg(long, value_name = "PX", help_heading = "Blending", allow_hyphen_values = true)]
     #[arg(value_parser = values::positive)]
     pub keep: Option<f32>,

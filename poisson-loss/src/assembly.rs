@@ -11,9 +11,7 @@ use rayon::prelude::*;
 use crate::Result;
 use crate::axis::End;
 use crate::inputs::Inputs;
-use crate::operator::{
-    REACH, Scratch, SplineOperator, Weighted, cell_points, gather4, scatter4, uniform_value,
-};
+use crate::operator::{REACH, Scratch, SplineOperator, Weighted, cell_points, gather4, scatter4};
 use crate::plan::Plan;
 use crate::problem::{Problem, copy_box};
 use crate::tile::{Beyond, Frame, Tile};
@@ -102,7 +100,15 @@ pub(crate) fn edge_samples<const D: usize>(region: &[f32], frame: &Frame<D>) -> 
     // Neighbours that wrap round a row's end are compared as well: at a cut side both are outside.
     let edges_of = |row: usize| -> Vec<usize> {
         let mut edges = Vec::new();
+        let line = &region[row * n0..][..n0];
         for stride in strides {
+            // Almost all rows have no edge.
+            let same = |other: &[f32]| {
+                line.iter().zip(other).map(|(a, b)| u32::from(a != b)).sum::<u32>() == 0
+            };
+            if (row * n0).checked_sub(stride).is_some_and(|at| same(&region[at..][..n0])) {
+                continue;
+            }
             for k in (row * n0).max(stride)..(row + 1) * n0 {
                 if (region[k] > 0.0) != (region[k - stride] > 0.0) {
                     edges.push(if region[k] > 0.0 { k } else { k - stride });
@@ -196,9 +202,7 @@ impl<const D: usize, const C: usize> Assembly<'_, D, C> {
 
     /// Loads the weights of a tile; returns whether it can have a residual at all.
     fn load_weights(&self, tile: &Tile<D>, buffers: &mut Buffers) -> bool {
-        tile.load(&self.weights.guide, Beyond::Edge, &mut buffers.guide);
-        tile.load(&self.weights.region, Beyond::Edge, &mut buffers.region);
-        match (uniform_value(&buffers.guide), uniform_value(&buffers.region)) {
+        let needed = match (tile.uniform(&self.weights.guide), tile.uniform(&self.weights.region)) {
             (Some(0.0), Some(0.0)) => false,
             (Some(1.0), Some(1.0))
                 if self.inputs.linear
@@ -209,7 +213,12 @@ impl<const D: usize, const C: usize> Assembly<'_, D, C> {
                 self.plan.keep > 0.0 && self.inputs.target.is_some()
             }
             _ => true,
+        };
+        if needed {
+            tile.load(&self.weights.guide, Beyond::Edge, &mut buffers.guide);
+            tile.load(&self.weights.region, Beyond::Edge, &mut buffers.region);
         }
+        needed
     }
 
     /// Adds the colour term to the guidance in `sums[c]`, takes `A e` off, and stores it.

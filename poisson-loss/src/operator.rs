@@ -9,7 +9,7 @@ use inr_core::cpu::{Kernel, dispatch};
 use inr_core::{cubic_weights, cubic_weights_d1};
 use rayon::prelude::*;
 
-use crate::tile::{Beyond, Frame, Tile};
+use crate::tile::{Beyond, Frame, Tile, uniform_value};
 
 /// How far the operator reaches along every axis.
 pub const REACH: usize = 3;
@@ -124,13 +124,6 @@ impl<const D: usize> SplineOperator<D> {
             }
         }
     }
-}
-
-/// The value that all entries share, if they do.
-pub fn uniform_value(values: &[f32]) -> Option<f32> {
-    let first = *values.first()?;
-    let different: u32 = values.iter().map(|v| u32::from(*v != first)).sum();
-    (different == 0).then_some(first)
 }
 
 /// `output = (sum_d alpha_d K_d prod M + s prod M) c`.

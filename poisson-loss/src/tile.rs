@@ -144,6 +144,29 @@ impl<const D: usize> Tile<D> {
         strides
     }
 
+    /// The value that all weights on the piece and its halo share, if they do.
+    pub fn uniform(&self, weights: &[f32]) -> Option<f32> {
+        let lo: [usize; D] = std::array::from_fn(|d| self.start[d].saturating_sub(self.halo));
+        let hi: [usize; D] = std::array::from_fn(|d| {
+            (self.start[d] + self.core[d] + self.halo).min(self.frame.shape[d])
+        });
+        let rows: usize = (1..D).map(|d| hi[d] - lo[d]).product();
+        let mut value = None;
+        for row in 0..rows {
+            let (mut rest, mut at, mut stride) = (row, lo[0], self.frame.shape[0]);
+            for d in 1..D {
+                at += (lo[d] + rest % (hi[d] - lo[d])) * stride;
+                rest /= hi[d] - lo[d];
+                stride *= self.frame.shape[d];
+            }
+            let of_row = uniform_value(&weights[at..at + hi[0] - lo[0]])?;
+            if *value.get_or_insert(of_row) != of_row {
+                return None;
+            }
+        }
+        value
+    }
+
     /// Copies the piece and its halo out of an array over the whole frame.
     pub fn load(&self, src: &[f32], beyond: Beyond, dst: &mut Vec<f32>) {
         dst.resize(self.len(), 0.0);
@@ -301,6 +324,13 @@ impl<const D: usize> Tile<D> {
             slab[global..global + self.core[0]].copy_from_slice(&src[local..local + self.core[0]]);
         }
     }
+}
+
+/// The value that all entries share, if they do.
+pub fn uniform_value(values: &[f32]) -> Option<f32> {
+    let first = *values.first()?;
+    let different: u32 = values.iter().map(|v| u32::from(*v != first)).sum();
+    (different == 0).then_some(first)
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! Where the screening is uniform: per tile, and per block of a row in two dimensions.
 
-use crate::operator::{REACH, uniform_value};
-use crate::tile::{Beyond, Frame, Tile};
+use rayon::prelude::*;
+
+use crate::operator::REACH;
+use crate::tile::{Beyond, Frame, Tile, uniform_value};
 
 /// Coefficients of one block.
 pub const BLOCK: usize = 16;
@@ -23,10 +25,10 @@ pub struct Class {
 impl Class {
     /// `tile` has the widest halo.
     pub fn new<const D: usize>(tile: &Tile<D>, screening: &[f32], buffer: &mut Vec<f32>) -> Self {
-        tile.load(screening, Beyond::Edge, buffer);
-        let uniform = uniform_value(buffer);
+        let uniform = tile.uniform(screening);
         let mut class = Self { uniform, blocks: Vec::new(), needed: Vec::new() };
         if D == 2 && uniform.is_none() {
+            tile.load(screening, Beyond::Edge, buffer);
             class.find_blocks(tile, buffer);
         }
         class
@@ -66,7 +68,6 @@ pub fn classify<const D: usize>(
     screening: &[f32],
     halo: usize,
 ) -> Vec<Vec<Class>> {
-    use rayon::prelude::*;
     let slabs = frame.len().div_ceil(frame.slab_len());
     let of_slab = |buffer: &mut Vec<f32>, slab: usize| {
         frame.tiles(slab, halo).iter().map(|tile| Class::new(tile, screening, buffer)).collect()
