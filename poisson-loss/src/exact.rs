@@ -169,22 +169,19 @@ impl<'a, const D: usize> Engine<'a, D> {
         let (screening, free) = (plan.screening(), &plan.free[..]);
         let axes: [Axis; D] =
             std::array::from_fn(|d| Axis::uniform(frame.shape[d], frame.ends[d], plan.alpha[d]));
-        let nodal = if free.is_empty() {
-            screening.clone()
-        } else {
-            free.iter().zip(&screening).map(|(f, s)| if *f { *s } else { FIXED }).collect()
-        };
+        let fixed = |(k, s): (usize, &f32)| if *free.get(k).unwrap_or(&true) { *s } else { FIXED };
+        let nodal = screening.par_iter().enumerate().map(fixed).collect();
+        // An axis of eight samples or more always gives a coarser level.
+        let small = (0..D).all(|d| frame.shape[d] < 8);
         let operator =
             SplineOperator { frame, alpha: plan.alpha, screening, gamma: plan.gamma.clone() };
-        let small = (0..D).all(|d| frame.shape[d] < 8);
         if plan.gamma.is_empty() && free.is_empty() && !small {
-            let multigrid = Multigrid::without_finest(axes.clone(), nodal.clone());
-            if multigrid.levels.len() > 1 {
-                return Self::Fused(FusedOperator::new(operator, multigrid));
-            }
+            let multigrid = Multigrid::without_finest(axes, nodal);
+            Self::Fused(FusedOperator::new(operator, multigrid))
+        } else {
+            let multigrid = Multigrid::new(axes, nodal, plan.gamma.clone());
+            Self::Plain { operator, multigrid, free }
         }
-        let multigrid = Multigrid::new(axes, nodal, plan.gamma.clone());
-        Self::Plain { operator, multigrid, free }
     }
 
     /// The solution of one right-hand side.

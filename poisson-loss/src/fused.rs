@@ -45,8 +45,8 @@ impl<const D: usize> FusedOperator<D> {
     /// `operator.gamma` must be empty; `multigrid` may lack the smoother of its finest level.
     pub fn new(operator: SplineOperator<D>, multigrid: Multigrid<D>) -> Self {
         assert!(
-            D >= 2 && operator.gamma.is_empty(),
-            "a gradient weight of 1 in two or more dimensions"
+            D >= 2 && operator.gamma.is_empty() && multigrid.levels.len() > 1,
+            "a gradient weight of 1 in two or more dimensions, and a coarser level"
         );
         let classes = classify(operator.frame, &operator.screening, HALO_UP);
         let screening = operator.screening.par_iter();

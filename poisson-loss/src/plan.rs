@@ -1,6 +1,7 @@
 //! From a problem to numbers on a box: which samples are solved for, and with which weights.
 
 use inr_core::{Domain, distance_to};
+use rayon::prelude::*;
 
 use crate::axis::End;
 use crate::problem::{Problem, Support};
@@ -127,7 +128,7 @@ impl<const D: usize> Plan<D> {
 
     fn set_weights<const C: usize>(&mut self, boxed: &Domain<D>, problem: &Problem<'_, D, C>) {
         let options = &problem.options;
-        let outside = self.region.iter().map(|m| 1.0 - m);
+        let outside = self.region.par_iter().map(|m| 1.0 - m);
         match options.objective {
             Objective::Screened { keep, .. } => {
                 let length = self.length.expect("screened problems have a length");
@@ -163,7 +164,7 @@ impl<const D: usize> Plan<D> {
 
     /// Weight of the squared value per cell: background's colours outside, patch's inside.
     pub fn screening(&self) -> Vec<f32> {
-        self.colour.iter().zip(&self.region).map(|(c, m)| c + self.keep * m).collect()
+        self.colour.par_iter().zip(&self.region).map(|(c, m)| c + self.keep * m).collect()
     }
 }
 
