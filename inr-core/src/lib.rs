@@ -72,7 +72,9 @@ mod edt;
 mod error;
 mod field;
 mod jet;
+mod network;
 mod prefilter;
+mod random;
 mod region;
 mod samples;
 mod scalar;
@@ -85,6 +87,10 @@ pub use edt::{distance_to, distance_to_cells};
 pub use error::{Error, Result};
 pub use field::Field;
 pub use jet::Jet;
+pub use network::{
+    Activation, Alignment, Architecture, Encoding, Fourier, Frame, Frequencies, Grid,
+    Interpolation, Level, Mlp, Network, Order, Output, Workspace,
+};
 pub use prefilter::{mirror, prefilter};
 pub use region::{
     BoxRegion, Complement, Ellipsoid, Intersection, RasterMask, Region, Translated, Union,
