@@ -65,6 +65,7 @@
 //! implement [`Field`], but none ships with this crate yet.
 
 mod basis;
+mod buffer;
 pub mod cpu;
 mod domain;
 mod dual;

@@ -25,6 +25,7 @@ use rayon::prelude::*;
 use encoder::Encoder;
 use layers::{Layers, Tape};
 
+use crate::buffer::Buffer;
 use crate::{Field, Jet, Result, Scalar};
 
 /// Points handed to one task of the batched evaluation.
@@ -62,7 +63,7 @@ pub struct Network<const D: usize, const C: usize> {
     output: Output<C>,
     encoder: Encoder<D>,
     layers: Layers,
-    params: Vec<f32>,
+    params: Buffer,
 }
 
 impl<const D: usize, const C: usize> Network<D, C> {
@@ -85,7 +86,7 @@ impl<const D: usize, const C: usize> Network<D, C> {
         architecture.check(D)?;
         let encoder = Encoder::new(&architecture.encoding);
         let layers = Layers::new(&architecture.mlp, encoder.outputs(), C);
-        let params = vec![0.0; layers::padded(encoder.len()) + layers.len];
+        let params = Buffer::zeros(layers::padded(encoder.len()) + layers.len);
         let mut network = Self { architecture, frame, output, encoder, layers, params };
         network.randomise(seed);
         Ok(network)
@@ -151,7 +152,7 @@ impl<const D: usize, const C: usize> Network<D, C> {
     fn forward(&self, x: &[[f32; D]], blocks: usize, keep: bool, tape: &mut Tape) {
         let stride = layers::padded(self.layers.features);
         (tape.points, tape.blocks) = (x.len(), blocks);
-        tape.features.resize(x.len() * blocks * stride, 0.0);
+        tape.features.resize(x.len() * blocks * stride);
         // Columns of padding stay zero from the first resize on: nothing writes them.
         self.encoder.forward(&self.params, &self.frame, x, &mut tape.features, stride);
         self.layers.forward(&self.params[self.perceptron()], tape, keep);

@@ -16,7 +16,7 @@ use simd::Neon;
 pub use simd::Simd;
 #[cfg(target_arch = "x86_64")]
 use simd::{Avx2, Avx512};
-pub(crate) use thin::thin_product;
+pub(crate) use thin::{add_rows, thin_product};
 
 /// A numeric loop nest that [`dispatch`] compiles once per vector unit.
 ///

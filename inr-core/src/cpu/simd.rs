@@ -47,6 +47,12 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// # Safety
     /// See the trait.
     unsafe fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
+
+    /// The sum of all lanes, added as a tree.
+    ///
+    /// # Safety
+    /// See the trait.
+    unsafe fn sum(v: Self::Vector) -> f32;
 }
 
 /// Plain arrays of four, which every compiler turns into 128-bit vectors.
@@ -81,12 +87,17 @@ impl Simd for Baseline {
     unsafe fn mul_add(a: [f32; 4], b: [f32; 4], c: [f32; 4]) -> [f32; 4] {
         [a[0] * b[0] + c[0], a[1] * b[1] + c[1], a[2] * b[2] + c[2], a[3] * b[3] + c[3]]
     }
+
+    #[inline(always)]
+    unsafe fn sum(v: [f32; 4]) -> f32 {
+        (v[0] + v[2]) + (v[1] + v[3])
+    }
 }
 
 /// Implements [`Simd`] with intrinsics that have the same meaning on every machine.
 macro_rules! simd {
     ($(#[$doc:meta])* $name:ident, $arch:ident, $vector:ident, $lanes:literal, $vectors:literal, $rows:expr,
-     $splat:ident, $load:ident, $store:ident, |$a:ident, $b:ident, $c:ident| $fma:expr) => {
+     $splat:ident, $load:ident, $store:ident, |$a:ident, $b:ident, $c:ident| $fma:expr, |$v:ident| $sum:expr) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy)]
         pub struct $name;
@@ -121,6 +132,12 @@ macro_rules! simd {
                 // SAFETY: the caller runs on a machine with this instruction.
                 unsafe { $fma }
             }
+
+            #[inline(always)]
+            unsafe fn sum($v: Self::Vector) -> f32 {
+                // SAFETY: the caller runs on a machine with this instruction.
+                unsafe { $sum }
+            }
         }
     };
 }
@@ -130,19 +147,27 @@ simd!(
     /// 8 lanes, 16 registers.
     Avx2, x86_64, __m256, 8, 2, [12, 6, 0, 0],
     _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps,
-    |a, b, c| std::arch::x86_64::_mm256_fmadd_ps(a, b, c)
+    |a, b, c| std::arch::x86_64::_mm256_fmadd_ps(a, b, c),
+    |v| {
+        use std::arch::x86_64::*;
+        let four = _mm_add_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps(v, 1));
+        let two = _mm_add_ps(four, _mm_movehl_ps(four, four));
+        _mm_cvtss_f32(_mm_add_ss(two, _mm_shuffle_ps(two, two, 1)))
+    }
 );
 #[cfg(target_arch = "x86_64")]
 simd!(
     /// 16 lanes, 32 registers.
     Avx512, x86_64, __m512, 16, 4, [14, 12, 8, 6],
     _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps,
-    |a, b, c| std::arch::x86_64::_mm512_fmadd_ps(a, b, c)
+    |a, b, c| std::arch::x86_64::_mm512_fmadd_ps(a, b, c),
+    |v| std::arch::x86_64::_mm512_reduce_add_ps(v)
 );
 #[cfg(target_arch = "aarch64")]
 simd!(
     /// 4 lanes, 32 registers.
     Neon, aarch64, float32x4_t, 4, 4, [14, 12, 8, 6],
     vdupq_n_f32, vld1q_f32, vst1q_f32,
-    |a, b, c| std::arch::aarch64::vfmaq_f32(c, a, b)
+    |a, b, c| std::arch::aarch64::vfmaq_f32(c, a, b),
+    |v| std::arch::aarch64::vaddvq_f32(v)
 );

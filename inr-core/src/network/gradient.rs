@@ -8,6 +8,7 @@ use super::encoder::Encoder;
 use super::layers::{self, Tape, Transposed};
 use super::{Frame, Network};
 use crate::Jet;
+use crate::buffer::Buffer;
 
 /// What a loss looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,8 +25,8 @@ pub enum Order {
 pub struct Workspace {
     transposed: Transposed,
     /// One gradient of the perceptron per chunk.
-    chunks: Vec<Vec<f32>>,
-    features_bar: Vec<f32>,
+    chunks: Vec<Buffer>,
+    features_bar: Buffer,
 }
 
 /// At most this many chunks: as many threads can work on a batch.
@@ -72,8 +73,8 @@ impl<const D: usize, const C: usize> Network<D, C> {
         let Workspace { transposed, chunks, features_bar } = work;
         self.layers.transpose(params, transposed);
         let transposed = &*transposed;
-        chunks.resize_with(x.len().div_ceil(chunk), Vec::new);
-        features_bar.resize(if tables { x.len() * blocks * stride } else { 0 }, 0.0);
+        chunks.resize_with(x.len().div_ceil(chunk), Buffer::default);
+        features_bar.resize(if tables { x.len() * blocks * stride } else { 0 });
         let mut parts: Vec<&mut [f32]> = if tables {
             features_bar.chunks_mut(chunk * blocks * stride).collect()
         } else {
@@ -85,8 +86,8 @@ impl<const D: usize, const C: usize> Network<D, C> {
             .zip(chunks.par_iter_mut().zip(parts.par_iter_mut()))
             .enumerate()
             .map_init(Tape::default, |tape, (k, (x, (gradient, features_bar)))| {
-                gradient.clear();
-                gradient.resize(len, 0.0);
+                gradient.resize(len);
+                gradient.fill(0.0);
                 let mut y = vec![Jet::<D, C>::ZERO; tile.min(x.len())];
                 let mut y_bar = y.clone();
                 let mut sum = 0.0;
@@ -121,7 +122,7 @@ impl<const D: usize, const C: usize> Network<D, C> {
 
     /// The cotangents of the last layer.
     fn cotangents(&self, y_bar: &[Jet<D, C>], tape: &mut Tape) {
-        tape.y_bar.resize(tape.points * tape.blocks * C, 0.0);
+        tape.y_bar.resize(tape.points * tape.blocks * C);
         let block = tape.points * C;
         for (p, bar) in y_bar.iter().enumerate() {
             for c in 0..C {

@@ -8,7 +8,8 @@ use std::ops::Range;
 use super::activation::{self, Unit};
 use super::architecture::Mlp;
 use crate::Scalar;
-use crate::cpu::{Product, Start, product, thin_product};
+use crate::buffer::Buffer;
+use crate::cpu::{Product, Start, add_rows, product, thin_product};
 
 /// Numbers per row are multiples of this: the widest vector.
 pub(crate) const PAD: usize = 16;
@@ -51,33 +52,33 @@ pub(crate) struct Tape {
     pub points: usize,
     pub blocks: usize,
     /// Inputs of the perceptron, `[block][point][padded feature]`.
-    pub features: Vec<f32>,
+    pub features: Buffer,
     /// Outputs, `[block][point][channel]`; the reverse sweep takes their cotangents from `y_bar`.
-    pub y: Vec<f32>,
-    pub y_bar: Vec<f32>,
+    pub y: Buffer,
+    pub y_bar: Buffer,
     /// Cotangents of the features, once the sweep is done.
-    pub features_bar: Vec<f32>,
+    pub features_bar: Buffer,
     layers: Vec<Saved>,
-    bar: [Vec<f32>; 2],
+    bar: [Buffer; 2],
 }
 
 #[derive(Debug, Default)]
 struct Saved {
     /// Outputs of the units: values, then tangents.
-    h: Vec<f32>,
+    h: Buffer,
     /// Slopes, and curvatures if the unit keeps them.
-    g: Vec<f32>,
-    s: Vec<f32>,
+    g: Buffer,
+    s: Buffer,
     /// Tangents of the weighted sums.
-    z: Vec<f32>,
+    z: Buffer,
 }
 
 /// The weights of every hidden layer but transposed, `[unit][padded input]`: what the reverse sweep
 /// multiplies with.
 #[derive(Debug, Default)]
 pub(crate) struct Transposed {
-    hidden: Vec<Vec<f32>>,
-    skip: Vec<f32>,
+    hidden: Vec<Buffer>,
+    skip: Buffer,
 }
 
 impl Layers {
@@ -117,19 +118,18 @@ impl Layers {
         (weights, self.output_bias..self.output_bias + self.outputs)
     }
 
-    /// Points that a tile should have: rows that are whole blocks of every kernel, and activations
-    /// that stay in the second cache.
+    /// Points that a tile should have: a multiple of 12, so that rows are whole blocks of every kernel; about
+    /// 100 rows (24 to 48 points of an image are equally fast), fewer where activations would leave the
+    /// second cache.
     pub fn tile(&self, blocks: usize) -> usize {
-        // 24 to 96 points. About 6 kB of activations per row of 64 units and 3 layers were measured to be
-        // best below half a megabyte.
-        let row = self.stride() * self.hidden.len() * blocks * 3 * 4;
-        (400_000 / row / 12 * 12).clamp(12, 96)
+        let point = self.stride() * self.hidden.len() * blocks * 3 * size_of::<f32>();
+        (96 / blocks).min(1_000_000 / point).next_multiple_of(12).max(12)
     }
 
     /// Weights for the reverse sweep.
     pub fn transpose(&self, params: &[f32], out: &mut Transposed) {
         let stride = self.stride();
-        out.hidden.resize_with(self.hidden.len(), Vec::new);
+        out.hidden.resize_with(self.hidden.len(), Buffer::default);
         for (layer, out) in self.hidden.iter().zip(&mut out.hidden) {
             transpose(&params[layer.weights..], layer.inputs, self.width, stride, out);
         }
@@ -172,12 +172,12 @@ impl Layers {
         for (k, layer) in self.hidden.iter().enumerate() {
             let (before, rest) = tape.layers.split_at_mut(k);
             let saved = &mut rest[0];
-            saved.h.resize(rows * stride, 0.0);
-            saved.z.resize((rows - points) * stride, 0.0);
+            saved.h.resize(rows * stride);
+            saved.z.resize((rows - points) * stride);
             let slopes = if keep || blocks > 1 { values } else { 0 };
-            saved.g.resize(slopes, 0.0);
+            saved.g.resize(slopes);
             let curved = keep && blocks > 1 && layer.unit.keeps_curvature();
-            saved.s.resize(if curved { values } else { 0 }, 0.0);
+            saved.s.resize(if curved { values } else { 0 });
             let (a, a_row) = match before.last() {
                 None => (&tape.features, feature_stride),
                 Some(previous) => (&previous.h, stride),
@@ -213,7 +213,7 @@ impl Layers {
         }
         let last = &tape.layers[self.hidden.len() - 1].h;
         let (weights, bias) = self.output();
-        tape.y.resize(rows * self.outputs, 0.0);
+        tape.y.resize(rows * self.outputs);
         thin_product(last, &params[weights], stride, self.outputs, &mut tape.y);
         for y in tape.y[..points * self.outputs].chunks_exact_mut(self.outputs) {
             y.iter_mut().zip(&params[bias.clone()]).for_each(|(y, b)| *y += b);
@@ -234,8 +234,8 @@ impl Layers {
         let (rows, values, outputs) = (points * blocks, points * stride, self.outputs);
         let feature_stride = padded(self.features);
         let [bar, below] = &mut tape.bar;
-        bar.resize(rows * stride, 0.0);
-        below.resize(rows * stride, 0.0);
+        bar.resize(rows * stride);
+        below.resize(rows * stride);
         let (weights, bias) = self.output();
         product(Product {
             shape: [rows, stride, outputs],
@@ -259,9 +259,11 @@ impl Layers {
             c_row: stride,
             start: Start::Result,
         });
-        add_rows(&tape.y_bar[..points * outputs], &mut gradient[bias]);
+        for y_bar in tape.y_bar[..points * outputs].chunks_exact(outputs) {
+            gradient[bias.clone()].iter_mut().zip(y_bar).for_each(|(g, y)| *g += y);
+        }
         if features {
-            tape.features_bar.resize(rows * feature_stride, 0.0);
+            tape.features_bar.resize(rows * feature_stride);
             tape.features_bar.fill(0.0);
         }
         for (k, layer) in self.hidden.iter().enumerate().rev() {
@@ -322,20 +324,13 @@ impl Layers {
 }
 
 /// `[rows][stride]` to `[columns][padded rows]`.
-fn transpose(src: &[f32], rows: usize, columns: usize, stride: usize, dst: &mut Vec<f32>) {
+fn transpose(src: &[f32], rows: usize, columns: usize, stride: usize, dst: &mut Buffer) {
     let out = padded(rows);
-    dst.clear();
-    dst.resize(columns * out, 0.0);
+    dst.resize(columns * out);
+    dst.fill(0.0);
     for i in 0..rows {
         for (j, v) in src[i * stride..i * stride + columns].iter().enumerate() {
             dst[j * out + i] = *v;
         }
-    }
-}
-
-/// Adds every row to `sum`.
-fn add_rows(rows: &[f32], sum: &mut [f32]) {
-    for row in rows.chunks_exact(sum.len()) {
-        sum.iter_mut().zip(row).for_each(|(s, v)| *s += v);
     }
 }
