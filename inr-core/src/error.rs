@@ -42,7 +42,20 @@ pub enum Error {
         /// The value found.
         value: f32,
     },
-    /// A shape parameter of a region is out of range.
+    /// A training went out of hand.
+    #[error(
+        "the training diverged at step {step} (loss {loss:e}); the state of step {kept} is kept. A smaller learning rate, \
+        a smaller omega or a longer warm-up usually helps"
+    )]
+    Diverged {
+        /// The step whose loss showed it.
+        step: u64,
+        /// That loss.
+        loss: f64,
+        /// The step whose state was kept.
+        kept: u64,
+    },
+    /// A shape parameter of a region or a network is out of range.
     #[error("{what} must be {rule}, found {value}")]
     Parameter {
         /// Which parameter.

@@ -80,6 +80,7 @@ mod region;
 mod samples;
 mod scalar;
 mod spline;
+mod train;
 
 pub use basis::{cubic_weights, cubic_weights_d1, cubic_weights_d2, cubic_weights_of_order};
 pub use domain::{Domain, Unit};
@@ -99,3 +100,6 @@ pub use region::{
 pub use samples::Samples;
 pub use scalar::Scalar;
 pub use spline::Spline;
+pub use train::{
+    Adam, Decay, FitOptions, FitProgress, FitReport, Lattice, Schedule, Shape, TrainOptions, Trainer, fit, psnr,
+};

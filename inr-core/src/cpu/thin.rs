@@ -7,7 +7,7 @@ use super::{Simd, SimdKernel, dispatch_simd};
 /// If the lengths do not match.
 pub(crate) fn thin_product(h: &[f32], w: &[f32], stride: usize, outputs: usize, y: &mut [f32]) {
     let rows = h.len() / stride;
-    assert!(stride % 16 == 0 && h.len() == rows * stride, "{} in rows of {stride}", h.len());
+    assert!(stride.is_multiple_of(16) && h.len() == rows * stride, "{} in rows of {stride}", h.len());
     assert!(w.len() == outputs * stride && y.len() == rows * outputs);
     dispatch_simd(Thin { h, w, stride, outputs, y });
 }
@@ -70,7 +70,7 @@ unsafe fn dots<S: Simd, const N: usize>(h: &[f32], w: &[f32], y: &mut [f32]) {
 /// # Panics
 /// If the lengths do not match.
 pub(crate) fn add_rows(rows: &[f32], sum: &mut [f32]) {
-    assert!(sum.len() % 16 == 0 && rows.len() % sum.len().max(1) == 0);
+    assert!(sum.len().is_multiple_of(16) && rows.len().is_multiple_of(sum.len().max(1)));
     dispatch_simd(AddRows { rows, sum });
 }
 
