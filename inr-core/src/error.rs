@@ -65,6 +65,88 @@ pub enum Error {
         /// The value given.
         value: f32,
     },
+    /// Bytes that are no safetensors file, or only the beginning of one.
+    #[error("not a safetensors file, or one that was cut off: {reason}")]
+    NotSafetensors {
+        /// What does not fit.
+        reason: String,
+    },
+    /// A safetensors file that is not a checkpoint of this library.
+    #[error(
+        "not a checkpoint of npsolve: the file's metadata has no {missing}; networks of other programs can be \
+        imported from their named tensors"
+    )]
+    ForeignTensors {
+        /// The metadata that checkpoints have.
+        missing: String,
+    },
+    /// A checkpoint written by a later release.
+    #[error(
+        "the checkpoint has version {found}, this release reads up to {supported}: update npsolve"
+    )]
+    CheckpointVersion {
+        /// Version of the file.
+        found: u64,
+        /// The newest version that can be read.
+        supported: u64,
+    },
+    /// A checkpoint's metadata is damaged.
+    #[error("the checkpoint's metadata {entry:?} cannot be used: {reason}")]
+    CheckpointEntry {
+        /// Key of the metadata.
+        entry: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A network has other coordinates or channels than the ones asked for.
+    #[error(
+        "the network has {} coordinates and {} channels, not {} and {}",
+        found[0], found[1], expected[0], expected[1]
+    )]
+    Dimensions {
+        /// Coordinates and channels asked for.
+        expected: [usize; 2],
+        /// Coordinates and channels of the network.
+        found: [usize; 2],
+    },
+    /// A tensor is missing.
+    #[error("there is no tensor {name:?}")]
+    TensorMissing {
+        /// Its name.
+        name: String,
+    },
+    /// A tensor has no place in the architecture that the checkpoint names.
+    #[error("the architecture has no tensor {name:?}")]
+    TensorUnexpected {
+        /// Its name.
+        name: String,
+    },
+    /// A tensor has another shape than the architecture asks for.
+    #[error("tensor {name:?} has shape {found:?} instead of {expected:?}")]
+    TensorShape {
+        /// Its name.
+        name: String,
+        /// The shape asked for.
+        expected: Vec<usize>,
+        /// Its shape.
+        found: Vec<usize>,
+    },
+    /// A tensor holds numbers of another type than can be read.
+    #[error("tensor {name:?} holds numbers of type {found}, which cannot be read here")]
+    TensorType {
+        /// Its name.
+        name: String,
+        /// Its type, as the format calls it.
+        found: String,
+    },
+    /// A tensor's numbers cannot be right.
+    #[error("the numbers of tensor {name:?} must be {rule}")]
+    TensorValues {
+        /// Its name.
+        name: String,
+        /// What they must be.
+        rule: &'static str,
+    },
 }
 
 /// Result with this crate's error.

@@ -66,6 +66,7 @@
 
 mod basis;
 mod buffer;
+mod checkpoint;
 pub mod cpu;
 mod domain;
 mod dual;
@@ -83,6 +84,7 @@ mod spline;
 mod train;
 
 pub use basis::{cubic_weights, cubic_weights_d1, cubic_weights_d2, cubic_weights_of_order};
+pub use checkpoint::{AxisOrder, Checkpoint, Description, Training, import_diner, import_siren};
 pub use domain::{Domain, Unit};
 pub use dual::{Dual, Dual2, gradient, seed, seed2};
 pub use edt::{distance_to, distance_to_cells};
@@ -101,5 +103,6 @@ pub use samples::Samples;
 pub use scalar::Scalar;
 pub use spline::Spline;
 pub use train::{
-    Adam, Decay, FitOptions, FitProgress, FitReport, Lattice, Schedule, Shape, TrainOptions, Trainer, fit, psnr,
+    Adam, Decay, FitOptions, FitProgress, FitReport, Lattice, Schedule, Shape, TrainOptions,
+    Trainer, fit, psnr,
 };

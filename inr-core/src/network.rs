@@ -10,6 +10,7 @@ mod grid;
 mod init;
 mod layers;
 mod sincos;
+mod tensors;
 
 pub use architecture::{
     Activation, Alignment, Architecture, Encoding, Fourier, Frequencies, Grid, Interpolation,
@@ -17,6 +18,7 @@ pub use architecture::{
 };
 pub use frame::Frame;
 pub use gradient::{Order, Workspace};
+pub(crate) use tensors::{Tensor, tensors};
 
 use std::ops::Range;
 
@@ -83,11 +85,7 @@ impl<const D: usize, const C: usize> Network<D, C> {
         output: Output<C>,
         seed: u64,
     ) -> Result<Self> {
-        architecture.check(D)?;
-        let encoder = Encoder::new(&architecture.encoding);
-        let layers = Layers::new(&architecture.mlp, encoder.outputs(), C);
-        let params = Buffer::zeros(layers::padded(encoder.len()) + layers.len);
-        let mut network = Self { architecture, frame, output, encoder, layers, params };
+        let mut network = Self::zeros(architecture, frame, output)?;
         network.randomise(seed);
         Ok(network)
     }

@@ -56,6 +56,15 @@ pub enum Error {
         /// Residual reached, relative to the start.
         residual: f64,
     },
+    /// A network whose gradient jumps or vanishes was asked to follow gradients.
+    #[error(
+        "this network's gradient jumps between cells or vanishes, so a loss on gradients would see only part of it; \
+         take a cubic grid, a sine network, or smoothstep interpolation with SiLU"
+    )]
+    NoGradient,
+    /// The training of a network failed.
+    #[error(transparent)]
+    Network(#[from] inr_core::Error),
 }
 
 /// Result with this crate's error.

@@ -1,11 +1,11 @@
 //! Numbers that say how good a blend is, for results of this crate and of others alike: one
 //! operator, one `v`, float and unclipped.
 
-mod points;
+pub(crate) mod points;
 mod quadrature;
 mod residual;
 mod samples;
-mod scene;
+pub(crate) mod scene;
 
 use inr_core::Samples;
 

@@ -5,7 +5,8 @@
 use std::time::Duration;
 
 use inr_core::{
-    Architecture, FitOptions, Frame, Interpolation, Network, Output, Samples, TrainOptions, Trainer, fit,
+    Architecture, FitOptions, Frame, Interpolation, Network, Output, Samples, TrainOptions,
+    Trainer, fit,
 };
 
 fn main() {
@@ -14,9 +15,11 @@ fn main() {
         eprintln!("usage: fit_timing PICTURE KIND [SECONDS [TARGET_DB [ROWS]]]");
         std::process::exit(2)
     };
-    let number = |k: usize, default: f64| args.get(k).and_then(|v| v.parse().ok()).unwrap_or(default);
+    let number =
+        |k: usize, default: f64| args.get(k).and_then(|v| v.parse().ok()).unwrap_or(default);
     let (seconds, target, rows) = (number(3, 2.0), number(4, 0.0), number(5, 32768.0) as usize);
-    let image = signal_io::read_image(picture, &signal_io::ReadOptions::default()).expect("a picture");
+    let image =
+        signal_io::read_image(picture, &signal_io::ReadOptions::default()).expect("a picture");
     let samples: Samples<2, 3> = image.to_samples().expect("three channels");
     let shape = samples.domain().shape();
     let (mut rate, mut table_rate) = (9e-3, 3e-2);
@@ -43,9 +46,11 @@ fn main() {
     table_rate = number(7, table_rate as f64) as f32;
     let batch = number(8, 8192.0) as usize;
     let frame = Frame::of_cells(samples.domain());
-    let network = Network::new(architecture, frame, Output::of_range(0.0, 1.0), 1).expect("a good architecture");
+    let network = Network::new(architecture, frame, Output::of_range(0.0, 1.0), 1)
+        .expect("a good architecture");
     let parameters = network.parameter_count();
-    let mut trainer = Trainer::new(network, TrainOptions { rate, table_rate, batch, ..TrainOptions::default() });
+    let mut trainer =
+        Trainer::new(network, TrainOptions { rate, table_rate, batch, ..TrainOptions::default() });
     let options = FitOptions {
         steps: u64::MAX,
         budget: Some(Duration::from_secs_f64(seconds)),
@@ -56,7 +61,10 @@ fn main() {
     let report = fit(&mut trainer, &samples, &options, |_, now| {
         if now.seconds >= next && target == 0.0 {
             next *= 2.0;
-            println!("{{\"seconds\": {:.2}, \"steps\": {}, \"batch_psnr\": {:.2}}}", now.seconds, now.step, now.psnr);
+            println!(
+                "{{\"seconds\": {:.2}, \"steps\": {}, \"batch_psnr\": {:.2}}}",
+                now.seconds, now.step, now.psnr
+            );
         }
         true
     })

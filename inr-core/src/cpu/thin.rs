@@ -7,7 +7,11 @@ use super::{Simd, SimdKernel, dispatch_simd};
 /// If the lengths do not match.
 pub(crate) fn thin_product(h: &[f32], w: &[f32], stride: usize, outputs: usize, y: &mut [f32]) {
     let rows = h.len() / stride;
-    assert!(stride.is_multiple_of(16) && h.len() == rows * stride, "{} in rows of {stride}", h.len());
+    assert!(
+        stride.is_multiple_of(16) && h.len() == rows * stride,
+        "{} in rows of {stride}",
+        h.len()
+    );
     assert!(w.len() == outputs * stride && y.len() == rows * outputs);
     dispatch_simd(Thin { h, w, stride, outputs, y });
 }

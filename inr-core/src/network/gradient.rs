@@ -66,17 +66,18 @@ impl<const D: usize, const C: usize> Network<D, C> {
         let (tile, len) = (self.layers.tile(blocks), self.layers.len);
         let most = MOST_CHUNKS.min(MOST_NUMBERS / len).max(4);
         let chunk = x.len().div_ceil(most).max(LEAST_POINTS).next_multiple_of(tile);
-        let stride = layers::padded(self.layers.features);
         let params = &self.params()[self.perceptron()];
         let tables = matches!(self.encoder, Encoder::Tables(_));
+        // Numbers per point that go on to the tables.
+        let features = blocks * self.layers.features;
 
         let Workspace { transposed, chunks, features_bar } = work;
         self.layers.transpose(params, transposed);
         let transposed = &*transposed;
         chunks.resize_with(x.len().div_ceil(chunk), Buffer::default);
-        features_bar.resize(if tables { x.len() * blocks * stride } else { 0 });
+        features_bar.resize(if tables { x.len() * features } else { 0 });
         let mut parts: Vec<&mut [f32]> = if tables {
-            features_bar.chunks_mut(chunk * blocks * stride).collect()
+            features_bar.chunks_mut(chunk * features).collect()
         } else {
             chunks.iter().map(|_| &mut [][..]).collect()
         };
@@ -100,9 +101,8 @@ impl<const D: usize, const C: usize> Network<D, C> {
                     self.cotangents(y_bar, tape);
                     self.layers.backward(params, transposed, tape, gradient, tables);
                     if tables {
-                        let at = t * tile * blocks * stride;
-                        features_bar[at..at + tape.features_bar.len()]
-                            .copy_from_slice(&tape.features_bar);
+                        let bar = &mut features_bar[t * tile * features..][..x.len() * features];
+                        self.sort_by_level(tape, bar);
                     }
                 }
                 sum
@@ -134,6 +134,19 @@ impl<const D: usize, const C: usize> Network<D, C> {
         }
     }
 
+    /// The cotangents of a tile's features as the tables want them, `[level][block][point][feature]`: what
+    /// one table needs lies together, which matters because each is visited by itself.
+    fn sort_by_level(&self, tape: &Tape, out: &mut [f32]) {
+        let Encoder::Tables(tables) = &self.encoder else { return };
+        let stride = layers::padded(self.layers.features);
+        let n = tables.features;
+        for (level, out) in out.chunks_exact_mut(tape.blocks * tape.points * n).enumerate() {
+            for (row, out) in tape.features_bar.chunks_exact(stride).zip(out.chunks_exact_mut(n)) {
+                out.copy_from_slice(&row[level * n..level * n + n]);
+            }
+        }
+    }
+
     /// Adds the features' cotangents to the tables' gradient: every task owns some rows of one table and
     /// looks at all points in order.
     fn scatter(
@@ -145,7 +158,7 @@ impl<const D: usize, const C: usize> Network<D, C> {
         gradient: &mut [f32],
     ) {
         let Encoder::Tables(tables) = &self.encoder else { return };
-        let stride = layers::padded(self.layers.features);
+        let features = blocks * self.layers.features;
         let parts = LEAST_TASKS.div_ceil(tables.levels.len());
         let mut tasks: Vec<(usize, Range<usize>, &mut [f32])> = Vec::new();
         let mut rest = gradient;
@@ -160,8 +173,10 @@ impl<const D: usize, const C: usize> Network<D, C> {
         }
         let frame: &Frame<D> = &self.frame;
         tasks.into_par_iter().with_max_len(1).for_each(|(level, rows, gradient)| {
-            for (x, bar) in x.chunks(tile).zip(bar.chunks(tile * blocks * stride)) {
-                tables.backward(level, rows.clone(), gradient, frame, x, bar, stride);
+            for (x, bar) in x.chunks(tile).zip(bar.chunks(tile * features)) {
+                let n = x.len() * blocks * tables.features;
+                let bar = &bar[level * n..(level + 1) * n];
+                tables.backward(level, rows.clone(), gradient, frame, x, bar);
             }
         });
     }

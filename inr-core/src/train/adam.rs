@@ -159,7 +159,10 @@ mod tests {
             let want = plain(decay, [1e-2, 3e-2], &gradients);
             for i in 0..2 {
                 // 50 steps of f32 rounding.
-                assert!((f64::from(params[i]) - want[i]).abs() < 1e-5, "{decay:?} {params:?} {want:?}");
+                assert!(
+                    (f64::from(params[i]) - want[i]).abs() < 1e-5,
+                    "{decay:?} {params:?} {want:?}"
+                );
             }
         }
     }

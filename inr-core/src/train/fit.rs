@@ -64,7 +64,8 @@ pub fn fit<const D: usize, const C: usize>(
     let mut measured = None;
     while trainer.steps() < options.steps {
         let spent = begin.elapsed();
-        let of_time = options.budget.map_or(0.0, |b| spent.as_secs_f64() / b.as_secs_f64().max(1e-9));
+        let of_time =
+            options.budget.map_or(0.0, |b| spent.as_secs_f64() / b.as_secs_f64().max(1e-9));
         if of_time >= 1.0 {
             break;
         }
@@ -90,11 +91,18 @@ pub fn fit<const D: usize, const C: usize>(
         recent = Some(mean);
         measured = None;
         let seconds = begin.elapsed().as_secs_f64();
-        let now = FitProgress { step: trainer.steps(), progress, seconds, psnr: decibel(mean, options.peak) };
+        let now = FitProgress {
+            step: trainer.steps(),
+            progress,
+            seconds,
+            psnr: decibel(mean, options.peak),
+        };
         if !report(trainer, now) {
             break;
         }
-        if options.target_psnr.is_some_and(|target| now.psnr >= target) && trainer.steps() >= next_check {
+        if options.target_psnr.is_some_and(|target| now.psnr >= target)
+            && trainer.steps() >= next_check
+        {
             let psnr = psnr(&trainer.network, samples, options.peak);
             measured = Some(psnr);
             if options.target_psnr.is_some_and(|target| psnr >= target) {
@@ -130,7 +138,8 @@ pub fn psnr<const D: usize, const C: usize>(
         field.eval(&x, y);
         for c in 0..C {
             let plane = &samples.plane(c)[batch.clone()];
-            squared += plane.iter().zip(y.iter()).map(|(s, y)| f64::from(y[c] - s).powi(2)).sum::<f64>();
+            squared +=
+                plane.iter().zip(y.iter()).map(|(s, y)| f64::from(y[c] - s).powi(2)).sum::<f64>();
         }
     }
     decibel(squared / (domain.len() * C) as f64, peak)

@@ -21,7 +21,8 @@ impl<const D: usize> Lattice<D> {
         while count(&stride) > batch.max(1) {
             // The finest axis that can be coarser still; the last one where several are equal, because rows
             // are better left whole.
-            let finest = (0..D).filter(|d| stride[*d] < shape[*d]).min_by_key(|d| (stride[*d], D - d));
+            let finest =
+                (0..D).filter(|d| stride[*d] < shape[*d]).min_by_key(|d| (stride[*d], D - d));
             let Some(d) = finest else { break };
             stride[d] += 1;
         }
@@ -41,7 +42,8 @@ impl<const D: usize> Lattice<D> {
         let n = self.epoch();
         let draw = |k: u64| random.below(2 * epoch + k, n as usize) as u64;
         let factor = (draw(0)..).map(|a| a.max(1)).find(|a| gcd(*a, n) == 1).unwrap_or(1);
-        let mut offset = ((u128::from(k) * u128::from(factor) + u128::from(draw(1))) % u128::from(n)) as usize;
+        let mut offset =
+            ((u128::from(k) * u128::from(factor) + u128::from(draw(1))) % u128::from(n)) as usize;
         let start: [usize; D] = std::array::from_fn(|d| {
             let o = offset % self.stride[d];
             offset /= self.stride[d];
@@ -73,7 +75,8 @@ mod tests {
 
     #[test]
     fn an_epoch_visits_every_sample_once() {
-        for (shape, batch) in [([7, 5, 3], 10), ([16, 1, 9], 20), ([4, 4, 4], 1000), ([5, 1, 1], 1)] {
+        for (shape, batch) in [([7, 5, 3], 10), ([16, 1, 9], 20), ([4, 4, 4], 1000), ([5, 1, 1], 1)]
+        {
             let lattice = Lattice::new(shape, batch);
             let mut seen = vec![0; shape.iter().product()];
             let mut points = Vec::new();

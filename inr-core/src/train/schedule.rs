@@ -50,7 +50,10 @@ mod tests {
             let schedule = Schedule { shape, floor: 0.1, warm_up: 0 };
             assert_eq!(schedule.factor(0, 0.0), 1.0);
             assert!((schedule.factor(9, 1.0) - 0.1).abs() < 1e-7);
-            assert!((1..=10).all(|k| schedule.factor(k, k as f64 / 10.0) < schedule.factor(k, (k - 1) as f64 / 10.0)));
+            assert!(
+                (1..=10).all(|k| schedule.factor(k, k as f64 / 10.0)
+                    < schedule.factor(k, (k - 1) as f64 / 10.0))
+            );
         }
         let middle = Schedule { shape: Shape::Cosine, floor: 0.0, warm_up: 0 }.factor(5, 0.5);
         assert!((middle - 0.5).abs() < 1e-7);

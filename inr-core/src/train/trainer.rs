@@ -85,7 +85,16 @@ impl<const D: usize, const C: usize> Trainer<D, C> {
         assert!(adam.moments.iter().all(|m| m.len() == n), "moments for {n} parameters");
         let work = Workspace::default();
         let gradient = vec![0.0; n];
-        Self { network, adam, options, work, gradient, mean: None, lowest: f64::INFINITY, good: None }
+        Self {
+            network,
+            adam,
+            options,
+            work,
+            gradient,
+            mean: None,
+            lowest: f64::INFINITY,
+            good: None,
+        }
     }
 
     /// Steps taken.

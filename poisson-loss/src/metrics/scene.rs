@@ -79,9 +79,21 @@ impl<'a, const D: usize, const C: usize> Scene<'a, D, C> {
         exact: Option<&Samples<D, C>>,
     ) -> Result<Self> {
         let plan = Plan::new(problem)?;
+        let (start, shape) = interesting_box(problem, &plan, result, exact);
+        Self::on_box(problem, plan, start, shape, result, exact)
+    }
+
+    /// The scene on a box of one's own choice, which must hold the region.
+    pub fn on_box(
+        problem: &'a Problem<'a, D, C>,
+        plan: Plan<D>,
+        start: [usize; D],
+        shape: [usize; D],
+        result: &Samples<D, C>,
+        exact: Option<&Samples<D, C>>,
+    ) -> Result<Self> {
         let signals = Signals::new(problem, &plan)?;
         let domain = problem.background.domain();
-        let (start, shape) = interesting_box(problem, &plan, result, exact);
         let crop = |samples: &Samples<D, C>, c: usize| {
             let lo = start.map(|v| v as isize);
             copy_box(samples.plane(c), domain.shape(), lo, shape, |_, _| None)
