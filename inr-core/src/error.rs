@@ -42,6 +42,15 @@ pub enum Error {
         /// The value found.
         value: f32,
     },
+    /// A network cannot hold a spline.
+    #[error(
+        "this network has no cubic level of {nodes:?} nodes between the signal's outermost samples with a linear map \
+        past its layers; build it with Architecture::spline_grid and Frame::of_samples"
+    )]
+    NoSplineLevel {
+        /// Nodes that the spline needs, per axis.
+        nodes: Vec<usize>,
+    },
     /// A training went out of hand.
     #[error(
         "the training diverged at step {step} (loss {loss:e}); the state of step {kept} is kept. A smaller learning rate, \

@@ -10,6 +10,7 @@ mod grid;
 mod init;
 mod layers;
 mod sincos;
+mod splines;
 mod tensors;
 
 pub use architecture::{
@@ -133,7 +134,8 @@ impl<const D: usize, const C: usize> Network<D, C> {
             let skip = if layer.skip.is_some() { self.layers.features } else { 0 };
             n += (layer.inputs + skip + 1) * width;
         }
-        n + (width + 1) * C
+        let past = if self.layers.bypass().is_some() { self.layers.features * C } else { 0 };
+        n + (width + 1) * C + past
     }
 
     /// Value at `x` (physical coordinates) for any scalar type: with dual numbers it gives exact gradients,

@@ -117,6 +117,8 @@ pub use error::{Error, Result};
 pub use exact::{Blend, Report, solve, solve_with_progress};
 pub use guidance::{CustomGuidance, Guidance, Strongest};
 pub use metrics::{Metrics, measure};
-pub use neural::{NeuralOptions, NeuralProgress, NeuralReport, insert, neural_box, train_blend};
+pub use neural::{
+    NeuralOptions, NeuralProgress, NeuralReport, box_spline, insert, neural_box, train_blend,
+};
 pub use objective::{Objective, Options};
 pub use problem::{Patch, Problem};

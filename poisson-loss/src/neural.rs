@@ -4,8 +4,9 @@ mod stage;
 
 use std::time::{Duration, Instant};
 
-use inr_core::{Domain, Field, Jet, Lattice, Order, Samples, Trainer};
+use inr_core::{Domain, Field, Jet, Lattice, Order, Samples, Spline, Trainer};
 
+use crate::problem::copy_box;
 use crate::{Blend, Error, Problem, Result};
 use stage::Stage;
 
@@ -81,7 +82,7 @@ pub fn neural_box<const D: usize, const C: usize>(
 /// the `2^D` sub-lattices per step, thinned to the trainer's batch. Everything batches need is evaluated once; that
 /// takes `2^D (2 C (1 + D) + 3)` floats per sample of `on`.
 ///
-/// `report` is called after each step; if it returns false, the training stops there.
+/// `report` is called before each step; if it returns false, the training stops there.
 ///
 /// # Errors
 /// As [`solve`](crate::solve); [`Error::NoGradient`] for a network whose gradient cannot stand in a loss;
@@ -114,6 +115,7 @@ pub fn train_blend<const D: usize, const C: usize>(
         distance: 0.0,
     };
     let first = trainer.steps();
+    let mut was_distill = true;
     while trainer.steps() < options.steps {
         let spent = begin.elapsed().as_secs_f64();
         let of_time = options.budget.map_or(0.0, |b| spent / b.as_secs_f64().max(1e-9));
@@ -132,26 +134,52 @@ pub fn train_blend<const D: usize, const C: usize>(
         };
         let scale = 1.0 / indices.len().max(1) as f64;
         let sums = stage.with_sums(|| trainer.accumulate(&x, Order::Jet, &loss));
-        trainer.step(sums.loss * scale, progress)?;
-        // The mean over about ten batches.
-        let blend = |old: f64, new: f64| {
-            if trainer.steps() == first + 1 { new } else { old + 0.1 * (new - old) }
-        };
+        // Means over about ten batches.
+        let taken = step - first;
+        let mean = |old: f64, new: f64| if taken == 0 { new } else { old + 0.1 * (new - old) };
         last = NeuralProgress {
-            step: trainer.steps(),
+            step,
             progress,
             seconds: begin.elapsed().as_secs_f64(),
-            loss: blend(last.loss, sums.loss * scale),
-            residual: blend(last.residual, (sums.gradient * scale).sqrt()),
-            distance: blend(last.distance, (sums.value * scale).sqrt()),
+            loss: mean(last.loss, sums.loss * scale),
+            residual: mean(last.residual, (sums.gradient * scale).sqrt()),
+            distance: mean(last.distance, (sums.value * scale).sqrt()),
         };
-        if !report(&last)
-            || options.tolerance.is_some_and(|t| last.distance < t && step > first + 20)
-        {
+        // A network that begins there needs no training; one that comes there has to stay a while.
+        let close =
+            options.tolerance.is_some_and(|t| last.distance < t && (taken == 0 || taken > 20));
+        if !report(&last) || close {
             break;
         }
+        if distill != was_distill {
+            trainer.forget_losses();
+            was_distill = distill;
+        }
+        trainer.step(sums.loss * scale, progress)?;
     }
     Ok(NeuralReport { last, staging })
+}
+
+/// The spline through samples on a part of their lattice: what lies around that part is taken into account.
+///
+/// # Panics
+/// If `on` is not a part of the samples' lattice.
+pub fn box_spline<const D: usize, const C: usize>(
+    samples: &Samples<D, C>,
+    on: &Domain<D>,
+) -> Spline<D, C> {
+    let whole = Spline::interpolate(samples);
+    let (shape, start) = (samples.domain().shape(), first_sample(samples.domain(), on));
+    let lo = start.map(|v| v as isize);
+    let planes = (0..C)
+        .flat_map(|c| copy_box(whole.coefficients().plane(c), shape, lo, on.shape(), |_, _| None));
+    let cropped = Samples::from_planar(*on, planes.collect()).expect("C planes of the box");
+    Spline::from_coefficients(cropped)
+}
+
+/// Where a part of a lattice begins in it.
+fn first_sample<const D: usize>(whole: &Domain<D>, part: &Domain<D>) -> [usize; D] {
+    whole.to_index(&part.origin()).map(|i| i.round() as usize)
 }
 
 /// Samples of a field on a part of the background's lattice put into a copy of the background. Where that part ends
@@ -167,8 +195,7 @@ pub fn insert<const D: usize, const C: usize>(
     fade: usize,
 ) -> Samples<D, C> {
     let (domain, shape) = (*background.domain(), on.shape());
-    let start: [usize; D] =
-        std::array::from_fn(|d| domain.to_index(&on.origin())[d].round() as usize);
+    let start = first_sample(&domain, on);
     let mut out = background.clone();
     let x: Vec<[f32; D]> = (0..on.len()).map(|k| on.position(on.unflatten(k))).collect();
     let mut y = vec![[0.0; C]; x.len()];

@@ -135,6 +135,7 @@ fn perceptron(file: &Container<'_>, layers: &[String], omega: &[f32]) -> Result<
         depth: layers.len() - 1,
         activation: Activation::Sine { omega: omega.to_vec() },
         skip: None,
+        bypass: false,
     })
 }
 

@@ -127,6 +127,10 @@ pub struct Mlp {
     pub activation: Activation,
     /// The hidden layer (1 .. depth) that gets the features once more beside the previous layer.
     pub skip: Option<usize>,
+    /// Whether the output gets a linear map of the features as well. With it, a cubic level with a node per
+    /// sample holds every spline of the signal; see [`Network::load_spline`](crate::Network::load_spline).
+    #[serde(default)]
+    pub bypass: bool,
 }
 
 /// What a unit does with its weighted sum `u`.
@@ -158,7 +162,10 @@ impl Architecture {
     /// Sine network: `depth` hidden layers of `width`; 30 is the usual `omega`.
     pub fn siren(width: usize, depth: usize, omega: f32) -> Self {
         let activation = Activation::Sine { omega: vec![omega] };
-        Self { encoding: Encoding::Identity, mlp: Mlp { width, depth, activation, skip: None } }
+        Self {
+            encoding: Encoding::Identity,
+            mlp: Mlp { width, depth, activation, skip: None, bypass: false },
+        }
     }
 
     /// Gaussian Fourier features and a ReLU network.
@@ -166,7 +173,7 @@ impl Architecture {
         let frequencies = Frequencies::Gaussian { count, sigma, seed: 0 };
         Self {
             encoding: Encoding::Fourier(Fourier { frequencies, include_input: false }),
-            mlp: Mlp { width, depth, activation: Activation::Relu, skip: None },
+            mlp: Mlp { width, depth, activation: Activation::Relu, skip: None, bypass: false },
         }
     }
 
@@ -176,7 +183,13 @@ impl Architecture {
         let frequencies = Frequencies::Axis { octaves: 10, base: 1.0 };
         Self {
             encoding: Encoding::Fourier(Fourier { frequencies, include_input: true }),
-            mlp: Mlp { width: 256, depth: 8, activation: Activation::Relu, skip: Some(5) },
+            mlp: Mlp {
+                width: 256,
+                depth: 8,
+                activation: Activation::Relu,
+                skip: Some(5),
+                bypass: false,
+            },
         }
     }
 
@@ -201,6 +214,19 @@ impl Architecture {
         Self::grid_of(Interpolation::Cubic, levels, 4, Activation::Silu)
     }
 
+    /// A network that can hold the cubic spline through the samples of a signal exactly, and coarser cubic levels
+    /// with a SiLU network of two layers of 64 to change it with: what blends of gridded signals are made of. For
+    /// `channels` of 1, 2, 3, 4 or 8, in the frame [`Frame::of_samples`](crate::Frame::of_samples).
+    pub fn spline_grid(shape: &[usize], channels: usize) -> Self {
+        let quarter: Vec<usize> = shape.iter().map(|n| n.div_ceil(4)).collect();
+        let mut levels = pyramid(&quarter, 8.0, 2.0, 3, usize::MAX);
+        let nodes: Vec<usize> = shape.iter().map(|n| n + 2).collect();
+        levels.push(Level { rows: nodes.iter().product(), nodes });
+        let mut all = Self::grid_of(Interpolation::Cubic, levels, channels, Activation::Silu);
+        all.mlp.bypass = true;
+        all
+    }
+
     /// One row of `features` per sample and a sine network: DINER. As published, interpolation is
     /// [`Interpolation::Nearest`] and the field has no gradient; [`Interpolation::Cubic`] gives it one.
     ///
@@ -222,7 +248,7 @@ impl Architecture {
                 features,
                 levels,
             }),
-            mlp: Mlp { width, depth, activation, skip: None },
+            mlp: Mlp { width, depth, activation, skip: None, bypass: false },
         }
     }
 
@@ -235,7 +261,7 @@ impl Architecture {
         let alignment = Alignment::Vertices;
         Self {
             encoding: Encoding::Grid(Grid { interpolation, alignment, features, levels }),
-            mlp: Mlp { width: 64, depth: 2, activation, skip: None },
+            mlp: Mlp { width: 64, depth: 2, activation, skip: None, bypass: false },
         }
     }
 

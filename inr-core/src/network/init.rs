@@ -47,5 +47,10 @@ impl<const D: usize, const C: usize> Network<D, C> {
         for row in 0..C {
             fill(weights.start + row * layers::padded(width), width, limit);
         }
+        if let Some(bypass) = layers.bypass() {
+            let (n, stride) = (layers.features, layers::padded(layers.features));
+            let limit = (1.0 / n as f32).sqrt();
+            (0..C).for_each(|row| fill(bypass.start + row * stride, n, limit));
+        }
     }
 }

@@ -30,6 +30,8 @@ pub(crate) struct Layers {
     hidden: Vec<Hidden>,
     output: usize,
     output_bias: usize,
+    /// One row of padded features per channel, for the linear map that goes past the layers.
+    bypass: Option<usize>,
     /// Numbers in all.
     pub len: usize,
 }
@@ -58,6 +60,7 @@ pub(crate) struct Tape {
     pub y_bar: Buffer,
     /// Cotangents of the features, once the sweep is done.
     pub features_bar: Buffer,
+    past: Buffer,
     layers: Vec<Saved>,
     bar: [Buffer; 2],
 }
@@ -101,7 +104,8 @@ impl Layers {
             })
             .collect();
         let (output, output_bias) = (take(outputs * stride), take(padded(outputs)));
-        Self { features, width: mlp.width, outputs, hidden, output, output_bias, len: at }
+        let bypass = mlp.bypass.then(|| take(outputs * padded(features)));
+        Self { features, width: mlp.width, outputs, hidden, output, output_bias, bypass, len: at }
     }
 
     pub fn stride(&self) -> usize {
@@ -116,6 +120,11 @@ impl Layers {
     pub fn output(&self) -> (Range<usize>, Range<usize>) {
         let weights = self.output..self.output + self.outputs * self.stride();
         (weights, self.output_bias..self.output_bias + self.outputs)
+    }
+
+    /// The weights of the linear map past the layers.
+    pub fn bypass(&self) -> Option<Range<usize>> {
+        self.bypass.map(|at| at..at + self.outputs * padded(self.features))
     }
 
     /// Points that a tile should have: a multiple of 12, so that rows are whole blocks of every kernel; about
@@ -160,7 +169,12 @@ impl Layers {
             let weights = &params[self.output + k * stride..];
             h.iter().zip(weights).map(|(h, w)| *h * c(*w)).sum()
         };
-        (0..self.outputs).map(|k| row(k) + c(params[self.output_bias + k])).collect()
+        let past = |k: usize| -> T {
+            let Some(at) = self.bypass else { return T::zero() };
+            let weights = &params[at + k * padded(self.features)..];
+            features.iter().zip(weights).map(|(f, w)| *f * c(*w)).sum()
+        };
+        (0..self.outputs).map(|k| row(k) + c(params[self.output_bias + k]) + past(k)).collect()
     }
 
     /// Evaluates the perceptron on `tape.features`. With `keep`, everything for [`Layers::backward`] is kept.
@@ -215,6 +229,12 @@ impl Layers {
         let (weights, bias) = self.output();
         tape.y.resize(rows * self.outputs);
         thin_product(last, &params[weights], stride, self.outputs, &mut tape.y);
+        if let Some(bypass) = self.bypass() {
+            let y = &mut tape.past;
+            y.resize(rows * self.outputs);
+            thin_product(&tape.features, &params[bypass], feature_stride, self.outputs, y);
+            tape.y.iter_mut().zip(y.iter()).for_each(|(y, past)| *y += past);
+        }
         for y in tape.y[..points * self.outputs].chunks_exact_mut(self.outputs) {
             y.iter_mut().zip(&params[bias.clone()]).for_each(|(y, b)| *y += b);
         }
@@ -265,6 +285,32 @@ impl Layers {
         if features {
             tape.features_bar.resize(rows * feature_stride);
             tape.features_bar.fill(0.0);
+        }
+        if let Some(bypass) = self.bypass() {
+            product(Product {
+                shape: [outputs, feature_stride, rows],
+                a: &tape.y_bar,
+                a_row: 1,
+                a_step: outputs,
+                b: &tape.features,
+                b_row: feature_stride,
+                c: &mut gradient[bypass.clone()],
+                c_row: feature_stride,
+                start: Start::Result,
+            });
+            if features {
+                product(Product {
+                    shape: [rows, feature_stride, outputs],
+                    a: &tape.y_bar,
+                    a_row: outputs,
+                    a_step: 1,
+                    b: &params[bypass],
+                    b_row: feature_stride,
+                    c: &mut tape.features_bar,
+                    c_row: feature_stride,
+                    start: Start::Result,
+                });
+            }
         }
         for (k, layer) in self.hidden.iter().enumerate().rev() {
             let (before, rest) = tape.layers.split_at(k);

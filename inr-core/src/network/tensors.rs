@@ -80,6 +80,10 @@ pub(crate) fn tensors<const D: usize>(
     let shape = [channels, width];
     list.push(Tensor::new("mlp.output.weight", &shape, first + weights.start, [stride, 1]));
     list.push(Tensor::new("mlp.output.bias", &[channels], first + bias.start, [1, 1]));
+    list.extend(layers.bypass().map(|at| {
+        let (features, stride) = (layers.features, layers::padded(layers.features));
+        Tensor::new("mlp.bypass.weight", &[channels, features], first + at.start, [stride, 1])
+    }));
     Ok(list)
 }
 
@@ -125,6 +129,7 @@ mod tests {
             Architecture::siren(37, 3, 5.0),
             skip,
             Architecture::grid(&shape, 1 << 6),
+            Architecture::spline_grid(&shape, C),
             Architecture::diner(&shape, Interpolation::Nearest, 3, 20, 1, 5.0),
         ] {
             let frame = Frame { center: [0.0; D], half: [1.0; D] };

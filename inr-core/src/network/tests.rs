@@ -27,6 +27,7 @@ fn architectures<const D: usize>() -> Vec<(&'static str, Architecture)> {
         ("hash", Architecture::hash(&shape, 64)),
         ("smoothstep", smooth),
         ("grid", Architecture::grid(&shape, 1 << 9)),
+        ("spline grid", Architecture::spline_grid(&shape, 3)),
         ("diner linear", diner(Interpolation::Linear)),
         ("diner cubic", diner(Interpolation::Cubic)),
         ("diner", diner(Interpolation::Nearest)),

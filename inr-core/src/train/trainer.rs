@@ -142,6 +142,11 @@ impl<const D: usize, const C: usize> Trainer<D, C> {
         Ok(())
     }
 
+    /// Forgets earlier losses, which divergence is judged by: for a loss that means something else from here on.
+    pub fn forget_losses(&mut self) {
+        (self.mean, self.lowest) = (None, f64::INFINITY);
+    }
+
     fn keep(&mut self) {
         match &mut self.good {
             Some((params, adam)) => {

@@ -61,7 +61,7 @@ impl<const D: usize, const C: usize> Stage<D, C> {
         assert!(inside, "a lattice of {:?} at {start:?} in {:?}", on.shape(), background.shape());
         let (h_ref, fixed) = (plan.h_ref, !plan.free.is_empty());
         let scene = Scene::on_box(problem, plan, start, on.shape(), &exact.samples, None)?;
-        let signal = box_spline(problem.background, start, on.shape());
+        let signal = spline_around(problem.background, start, on.shape());
         let mut points = Vec::with_capacity(1 << D);
         for half in 0..1usize << D {
             let mut all = Vec::with_capacity(on.len());
@@ -146,7 +146,7 @@ impl<const D: usize, const C: usize> Stage<D, C> {
 }
 
 /// The spline through a part of the background; 16 samples around it carry what lies beyond (`0.268^16 = 7e-10`).
-fn box_spline<const D: usize, const C: usize>(
+fn spline_around<const D: usize, const C: usize>(
     background: &Samples<D, C>,
     start: [usize; D],
     shape: [usize; D],
