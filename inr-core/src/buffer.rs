@@ -65,7 +65,7 @@ mod tests {
         let mut a = Buffer::zeros(37);
         a[36] = 2.0;
         let b = a.clone();
-        assert!(a.as_ptr().addr() % 64 == 0 && b.as_ptr().addr() % 64 == 0);
+        assert!([&a, &b].iter().all(|b| b.as_ptr().addr().is_multiple_of(64)));
         assert_eq!((b.len(), b[36]), (37, 2.0));
         a.resize(10);
         a.resize(37);

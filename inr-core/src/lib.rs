@@ -60,9 +60,29 @@
 //! | `h`, `n` | pitch of an axis; samples along it |
 //! | `t` | position between two knots, 0 to 1 |
 //!
+//! # Fields with trained parameters
+//! A [`Network`] is an encoding of the coordinates and a small perceptron, described by an [`Architecture`]: sine
+//! networks, Fourier features, hash grids, cubic B-spline grids, DINER tables, the original NeRF network. It is a
+//! [`Field`] like any other, with exact gradients. [`Network::loss_gradient`] differentiates any loss on values and
+//! gradients with respect to its parameters; [`Trainer`] takes the steps, [`fit`] runs them for the samples of a
+//! signal, and a [`Checkpoint`] keeps the result, or a training to go on with, as safetensors.
+//!
+//! ```
+//! use inr_core::{Architecture, Domain, FitOptions, Frame, Network, Output, Samples, TrainOptions, Trainer, fit};
+//!
+//! let domain = Domain::unit([48, 32])?;
+//! let samples = Samples::<2, 1>::from_fn(domain, |[x, y]| [0.5 + 0.3 * (0.3 * x).sin() * (0.2 * y).cos()]);
+//! let architecture = Architecture::grid(&domain.shape(), 1 << 12);
+//! let network = Network::new(architecture, Frame::of_cells(&domain), Output::of_range(0.0, 1.0), 1)?;
+//! let mut trainer = Trainer::new(network, TrainOptions { batch: 768, ..TrainOptions::default() });
+//! let options = FitOptions { steps: 200, budget: None, target_psnr: Some(40.0), peak: 1.0 };
+//! let report = fit(&mut trainer, &samples, &options, |_, _| true)?;
+//! assert!(report.reached, "{report:?}");
+//! # Ok::<(), inr_core::Error>(())
+//! ```
+//!
 //! # What is left out
-//! Signals are held in memory as a whole. Fields with trainable parameters (networks, hash grids) can
-//! implement [`Field`], but none ships with this crate yet.
+//! Signals are held in memory as a whole. Networks run on the CPU.
 
 mod basis;
 mod buffer;

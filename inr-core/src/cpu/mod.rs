@@ -4,6 +4,7 @@
 mod peak;
 mod product;
 mod simd;
+mod sweep;
 mod thin;
 
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -16,6 +17,7 @@ use simd::Neon;
 pub use simd::Simd;
 #[cfg(target_arch = "x86_64")]
 use simd::{Avx2, Avx512};
+pub(crate) use sweep::{sweep, tangents};
 pub(crate) use thin::{add_rows, thin_product};
 
 /// A numeric loop nest that [`dispatch`] compiles once per vector unit.

@@ -48,6 +48,12 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// See the trait.
     unsafe fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
 
+    /// `a * b` lane by lane.
+    ///
+    /// # Safety
+    /// See the trait.
+    unsafe fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector;
+
     /// The sum of all lanes, added as a tree.
     ///
     /// # Safety
@@ -89,6 +95,11 @@ impl Simd for Baseline {
     }
 
     #[inline(always)]
+    unsafe fn mul(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+        [a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3]]
+    }
+
+    #[inline(always)]
     unsafe fn sum(v: [f32; 4]) -> f32 {
         (v[0] + v[2]) + (v[1] + v[3])
     }
@@ -97,11 +108,13 @@ impl Simd for Baseline {
 /// Implements [`Simd`] with intrinsics that have the same meaning on every machine.
 macro_rules! simd {
     ($(#[$doc:meta])* $name:ident, $arch:ident, $vector:ident, $lanes:literal, $vectors:literal, $rows:expr,
-     $splat:ident, $load:ident, $store:ident, |$a:ident, $b:ident, $c:ident| $fma:expr, |$v:ident| $sum:expr) => {
+     $splat:ident, $load:ident, $store:ident, $mul:ident, |$a:ident, $b:ident, $c:ident| $fma:expr, |$v:ident| $sum:expr) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy)]
         pub struct $name;
 
+        // Where the instructions are part of the target, as NEON is, they are safe to call.
+        #[allow(unused_unsafe)]
         impl Simd for $name {
             type Vector = std::arch::$arch::$vector;
             const LANES: usize = $lanes;
@@ -134,6 +147,12 @@ macro_rules! simd {
             }
 
             #[inline(always)]
+            unsafe fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector {
+                // SAFETY: the caller runs on a machine with this instruction.
+                unsafe { std::arch::$arch::$mul(a, b) }
+            }
+
+            #[inline(always)]
             unsafe fn sum($v: Self::Vector) -> f32 {
                 // SAFETY: the caller runs on a machine with this instruction.
                 unsafe { $sum }
@@ -146,7 +165,7 @@ macro_rules! simd {
 simd!(
     /// 8 lanes, 16 registers.
     Avx2, x86_64, __m256, 8, 2, [12, 6, 0, 0],
-    _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps,
+    _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_mul_ps,
     |a, b, c| std::arch::x86_64::_mm256_fmadd_ps(a, b, c),
     |v| {
         use std::arch::x86_64::*;
@@ -159,7 +178,7 @@ simd!(
 simd!(
     /// 16 lanes, 32 registers.
     Avx512, x86_64, __m512, 16, 4, [14, 12, 8, 6],
-    _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps,
+    _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_mul_ps,
     |a, b, c| std::arch::x86_64::_mm512_fmadd_ps(a, b, c),
     |v| std::arch::x86_64::_mm512_reduce_add_ps(v)
 );
@@ -167,7 +186,7 @@ simd!(
 simd!(
     /// 4 lanes, 32 registers.
     Neon, aarch64, float32x4_t, 4, 4, [14, 12, 8, 6],
-    vdupq_n_f32, vld1q_f32, vst1q_f32,
+    vdupq_n_f32, vld1q_f32, vst1q_f32, vmulq_f32,
     |a, b, c| std::arch::aarch64::vfmaq_f32(c, a, b),
     |v| std::arch::aarch64::vaddvq_f32(v)
 );

@@ -3,7 +3,7 @@
 use super::architecture::Activation;
 use super::sincos::sincos;
 use crate::Scalar;
-use crate::cpu::{Simd, SimdKernel, dispatch_simd};
+use crate::cpu::{Simd, SimdKernel, dispatch_simd, sweep};
 
 /// `f(u)`, the definition.
 pub(crate) fn plain<T: Scalar>(activation: &Activation, layer: usize, u: T) -> T {
@@ -123,7 +123,7 @@ pub(crate) fn exp<S: Simd>(x: f32) -> f32 {
     let r = S::fma(k, -0.693_359_4, x);
     let r = S::fma(k, 2.121_944_4e-4, r);
     let mut p = 1.987_569_1e-4;
-    for c in [1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 5.000_000_1e-1] {
+    for c in [1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 0.5] {
         p = S::fma(p, r, c);
     }
     let e = S::fma(p, r * r, r + 1.0);
@@ -131,87 +131,14 @@ pub(crate) fn exp<S: Simd>(x: f32) -> f32 {
     e * scale
 }
 
-/// One layer's part of the reverse sweep, in place: `bar` holds the cotangents of the unit's outputs
-/// (value, then tangents) and gets those of its weighted sums.
-///
-/// With `g = f'(u)`, `s = f''(u)` and the tangents `t_d = g z_d`:
-/// `bar_u = g bar_h + s sum_d bar_t_d z_d`, `bar_z_d = g bar_t_d`.
+/// One layer's part of the reverse sweep, in place; see [`sweep`]. `h`, `g` and `s` are what [`forward`] left,
+/// `z` the tangents of the weighted sums.
 pub(crate) fn backward(unit: Unit, bar: &mut [f32], h: &[f32], g: &[f32], s: &[f32], z: &[f32]) {
-    let n = g.len();
-    assert!(h.len() >= n && z.len() % n.max(1) == 0 && bar.len() == n + z.len());
-    assert!(!unit.keeps_curvature() || z.is_empty() || s.len() == n);
-    dispatch_simd(Backward { unit, bar, h, g, s, z });
-}
-
-struct Backward<'a> {
-    unit: Unit,
-    bar: &'a mut [f32],
-    h: &'a [f32],
-    g: &'a [f32],
-    s: &'a [f32],
-    z: &'a [f32],
-}
-
-impl SimdKernel for Backward<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self) {
-        let n = self.g.len();
-        let (value, tangents) = self.bar.split_at_mut(n);
-        if self.z.is_empty() {
-            let (value, g) = (&mut value[..n], &self.g[..n]);
-            (0..n).for_each(|i| value[i] *= g[i]);
-            return;
-        }
-        for (d, bar) in tangents.chunks_exact_mut(n).enumerate() {
-            let (value, bar, g) = (&mut value[..n], &mut bar[..n], &self.g[..n]);
-            let z = &self.z[d * n..][..n];
-            // The first tangent's pass scales the value's cotangent as well.
-            let scale = |i: usize| if d == 0 { g[i] } else { 1.0 };
-            match self.unit {
-                Unit::Sine(omega) => {
-                    let (h, factor) = (&self.h[..n], -omega * omega);
-                    for i in 0..n {
-                        value[i] = S::fma(factor * h[i], bar[i] * z[i], scale(i) * value[i]);
-                        bar[i] *= g[i];
-                    }
-                }
-                Unit::Relu => {
-                    for i in 0..n {
-                        value[i] *= scale(i);
-                        bar[i] *= g[i];
-                    }
-                }
-                Unit::Silu => {
-                    let s = &self.s[..n];
-                    for i in 0..n {
-                        value[i] = S::fma(s[i], bar[i] * z[i], scale(i) * value[i]);
-                        bar[i] *= g[i];
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// The tangents after the unit, `t_d = g z_d`.
-pub(crate) fn tangents(t: &mut [f32], g: &[f32], z: &[f32]) {
-    struct Tangents<'a>(&'a mut [f32], &'a [f32], &'a [f32]);
-    impl SimdKernel for Tangents<'_> {
-        type Output = ();
-
-        #[inline(always)]
-        fn run<S: Simd>(self) {
-            let n = self.1.len();
-            for (t, z) in self.0.chunks_exact_mut(n).zip(self.2.chunks_exact(n)) {
-                let (t, g, z) = (&mut t[..n], &self.1[..n], &z[..n]);
-                (0..n).for_each(|i| t[i] = g[i] * z[i]);
-            }
-        }
-    }
-    assert!(t.len() == z.len() && (g.is_empty() || z.len() % g.len() == 0));
-    if !g.is_empty() {
-        dispatch_simd(Tangents(t, g, z));
-    }
+    let curvature = match unit {
+        Unit::Sine(omega) => Some((-omega * omega, h)),
+        Unit::Relu => None,
+        Unit::Silu => Some((1.0, s)),
+    };
+    // Without tangents nothing looks at it, and it was not kept.
+    sweep(bar, g, z, curvature.filter(|_| !z.is_empty()));
 }

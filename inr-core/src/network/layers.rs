@@ -9,7 +9,7 @@ use super::activation::{self, Unit};
 use super::architecture::Mlp;
 use crate::Scalar;
 use crate::buffer::Buffer;
-use crate::cpu::{Product, Start, add_rows, product, thin_product};
+use crate::cpu::{Product, Start, add_rows, product, tangents, thin_product};
 
 /// Numbers per row are multiples of this: the widest vector.
 pub(crate) const PAD: usize = 16;
@@ -222,7 +222,7 @@ impl Layers {
             let (u, t) = saved.h.split_at_mut(values);
             activation::forward(layer.unit, u, &mut saved.g, &mut saved.s);
             if blocks > 1 {
-                activation::tangents(t, &saved.g, &saved.z);
+                tangents(t, &saved.g, &saved.z);
             }
         }
         let last = &tape.layers[self.hidden.len() - 1].h;

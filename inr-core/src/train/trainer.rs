@@ -129,7 +129,7 @@ impl<const D: usize, const C: usize> Trainer<D, C> {
             return Err(Error::Diverged { step, loss, kept: self.adam.steps });
         }
         (self.mean, self.lowest) = (Some(mean), self.lowest.min(mean));
-        if self.adam.steps % KEEP_EVERY == 0 {
+        if self.adam.steps.is_multiple_of(KEEP_EVERY) {
             self.keep();
         }
         let factor = self.options.schedule.factor(self.adam.steps, progress);
