@@ -4,6 +4,7 @@ mod adam;
 mod fit;
 mod lattice;
 mod schedule;
+mod state;
 mod trainer;
 
 pub use adam::{Adam, Decay};

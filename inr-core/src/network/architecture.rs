@@ -195,14 +195,16 @@ impl Architecture {
 
     /// Linear hash grid and a ReLU network of two layers of 64: for values, not for gradients.
     ///
-    /// `shape` is the signal's; levels grow by about 1.5 from 16 cells to its longest side; tables have
-    /// at most `rows` rows (a power of two) of four features, with which a photograph of 512 x 512 took half as many
-    /// steps to 40 dB as with two.
+    /// `shape` is the signal's; tables have at most `rows` rows (a power of two). Few levels of eight features, from 64
+    /// cells on the longest side (16 beyond two dimensions) to 1.4 per sample: a photograph of 512 x 512 took 450
+    /// steps to 40.4 dB, against 38.3 dB for ten levels of four and 36.2 dB for nine of two.
     ///
     /// Source: Müller et al. 2022, section 3.
     pub fn hash(shape: &[usize], rows: usize) -> Self {
-        let levels = pyramid(shape, 16.0, 1.5, 1, rows);
-        Self::grid_of(Interpolation::Linear, levels, 4, Activation::Relu)
+        let finest: Vec<usize> = shape.iter().map(|n| (1.4 * *n as f64).round() as usize).collect();
+        let coarsest = if shape.len() > 2 { 16.0 } else { 64.0 };
+        let levels = pyramid(&finest, coarsest, 1.8, 1, rows);
+        Self::grid_of(Interpolation::Linear, levels, 8, Activation::Relu)
     }
 
     /// Cubic B-spline grid and a SiLU network of two layers of 64: the choice where gradients count.

@@ -8,8 +8,8 @@ use crate::{Field, Jet, Order, Result, Samples};
 pub struct FitOptions {
     /// Steps in all, those before a resumption included. The schedule is laid over them.
     pub steps: u64,
-    /// Time from the call; the schedule is laid over it if it is the tighter limit, and then the result depends on
-    /// the machine.
+    /// Time in all, that before a resumption included; the schedule is laid over it if it is the tighter limit, and
+    /// then the result depends on the machine.
     pub budget: Option<Duration>,
     /// Peak signal-to-noise ratio in dB over all samples, measured when the batches promise it.
     pub target_psnr: Option<f64>,
@@ -58,14 +58,11 @@ pub fn fit<const D: usize, const C: usize>(
     let (domain, begin) = (*samples.domain(), Instant::now());
     let lattice = Lattice::new(domain.shape(), trainer.options.batch);
     let (mut indices, mut x) = (Vec::new(), Vec::new());
-    // Mean of the squared error over the last batches.
-    let mut recent: Option<f64> = None;
-    let mut next_check = 0;
+    let (before, peak) = (trainer.watch.seconds, options.peak);
     let mut measured = None;
     while trainer.steps() < options.steps {
-        let spent = begin.elapsed();
-        let of_time =
-            options.budget.map_or(0.0, |b| spent.as_secs_f64() / b.as_secs_f64().max(1e-9));
+        let spent = before + begin.elapsed().as_secs_f64();
+        let of_time = options.budget.map_or(0.0, |b| spent / b.as_secs_f64().max(1e-9));
         if of_time >= 1.0 {
             break;
         }
@@ -74,42 +71,41 @@ pub fn fit<const D: usize, const C: usize>(
         x.clear();
         x.extend(indices.iter().map(|k| domain.position(domain.unflatten(*k))));
         let scale = 1.0 / (indices.len() * C) as f32;
+        // Errors relative to the peak: neither bright nor faint signals leave the range of f32 when squared.
         let loss = |first: usize, y: &[Jet<D, C>], y_bar: &mut [Jet<D, C>]| {
             let mut sum = 0.0;
             for (k, (y, y_bar)) in indices[first..].iter().zip(y.iter().zip(y_bar)) {
                 for c in 0..C {
-                    let error = y.value[c] - samples.plane(c)[*k];
+                    let error = (y.value[c] - samples.plane(c)[*k]) / peak;
                     sum += error * error;
-                    y_bar.value[c] = 2.0 * scale * error;
+                    y_bar.value[c] = 2.0 * scale * error / peak;
                 }
             }
             f64::from(sum * scale)
         };
         let squared = trainer.accumulate(&x, Order::Value, &loss);
         trainer.step(squared, progress)?;
-        let mean = recent.map_or(squared, |mean| mean + 0.2 * (squared - mean));
-        recent = Some(mean);
+        let step = trainer.steps();
+        let mean = trainer.watch.recent.map_or(squared, |mean| mean + 0.2 * (squared - mean));
+        let psnr_now = decibel(mean, 1.0);
         measured = None;
-        let seconds = begin.elapsed().as_secs_f64();
-        let now = FitProgress {
-            step: trainer.steps(),
-            progress,
-            seconds,
-            psnr: decibel(mean, options.peak),
-        };
-        if !report(trainer, now) {
-            break;
-        }
-        if options.target_psnr.is_some_and(|target| now.psnr >= target)
-            && trainer.steps() >= next_check
+        let mut reached = false;
+        if let Some(target) = options.target_psnr
+            && psnr_now >= target
+            && step >= trainer.watch.next_check
         {
-            let psnr = psnr(&trainer.network, samples, options.peak);
+            let psnr = psnr(&trainer.network, samples, peak);
             measured = Some(psnr);
-            if options.target_psnr.is_some_and(|target| psnr >= target) {
-                break;
-            }
+            reached = psnr >= target;
             // Measuring takes as long as many steps; the next promise has to be a better one.
-            next_check = trainer.steps() + 20;
+            trainer.watch.next_check = step + 20;
+        }
+        let seconds = begin.elapsed().as_secs_f64();
+        trainer.watch.recent = Some(mean);
+        trainer.watch.seconds = before + seconds;
+        let go_on = report(trainer, FitProgress { step, progress, seconds, psnr: psnr_now });
+        if reached || !go_on {
+            break;
         }
     }
     let seconds = begin.elapsed().as_secs_f64();

@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 
+use super::state::Watch;
 use super::{Adam, Decay, Schedule};
 use crate::{Error, Jet, Network, Order, Result, Workspace};
 
@@ -63,8 +64,9 @@ pub struct Trainer<const D: usize, const C: usize> {
     work: Workspace,
     gradient: Vec<f32>,
     /// Running mean of the loss, and its lowest value so far.
-    mean: Option<f64>,
-    lowest: f64,
+    pub(super) mean: Option<f64>,
+    pub(super) lowest: f64,
+    pub(super) watch: Watch,
     good: Option<(Vec<f32>, Adam)>,
 }
 
@@ -93,6 +95,7 @@ impl<const D: usize, const C: usize> Trainer<D, C> {
             gradient,
             mean: None,
             lowest: f64::INFINITY,
+            watch: Watch::default(),
             good: None,
         }
     }
@@ -100,6 +103,11 @@ impl<const D: usize, const C: usize> Trainer<D, C> {
     /// Steps taken.
     pub fn steps(&self) -> u64 {
         self.adam.steps
+    }
+
+    /// Seconds spent in fits, those before a resumption included.
+    pub fn seconds(&self) -> f64 {
+        self.watch.seconds
     }
 
     /// Adds a part of the next step's loss and gradient; see [`Network::loss_gradient`].
@@ -145,6 +153,7 @@ impl<const D: usize, const C: usize> Trainer<D, C> {
     /// Forgets earlier losses, which divergence is judged by: for a loss that means something else from here on.
     pub fn forget_losses(&mut self) {
         (self.mean, self.lowest) = (None, f64::INFINITY);
+        (self.watch.recent, self.watch.next_check) = (None, 0);
     }
 
     fn keep(&mut self) {
