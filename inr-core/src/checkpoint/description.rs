@@ -1,5 +1,7 @@
 use std::collections::BTreeMap;
 
+use serde_json::Value;
+
 use super::container::Container;
 use super::records::{Header, VERSION};
 use crate::{Architecture, Result, Unit};
@@ -29,8 +31,8 @@ pub struct Description {
     pub notes: BTreeMap<String, String>,
     /// Trained numbers.
     pub parameters: usize,
-    /// Whether an unfinished training can go on.
-    pub has_training: bool,
+    /// What the training says about itself, if it can go on.
+    pub training: Option<Value>,
     /// Names and shapes of all tensors, in the order of the file.
     pub tensors: Vec<(String, Vec<usize>)>,
 }
@@ -61,7 +63,7 @@ impl Description {
             range: header.range,
             notes: header.notes,
             parameters,
-            has_training: header.training.is_some(),
+            training: header.training,
             tensors,
         })
     }

@@ -259,7 +259,7 @@ fn a_description_needs_no_d_and_c() {
     assert_eq!((about.pitch, about.origin), (vec![0.1, 0.8], vec![-1.0 / 3.0; 2]));
     assert_eq!((about.range, &about.notes), (before.range, &before.notes));
     assert_eq!(about.parameters, before.network.parameter_count());
-    assert!(about.has_training);
+    assert_eq!(about.training, before.training.map(|t| t.state));
     assert_eq!(about.tensors.len(), 3 * 8);
     assert_eq!(about.tensors[0], ("mlp.0.weight".to_string(), vec![37, 2]));
 }

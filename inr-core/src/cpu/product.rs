@@ -33,7 +33,8 @@ pub(crate) struct Product<'a> {
 ///
 /// # Panics
 /// If a slice is shorter than its shape asks for.
-pub(crate) fn product(p: Product<'_>) {
+#[inline]
+pub(crate) fn product(p: &mut Product<'_>) {
     let [rows, columns, depth] = p.shape;
     if rows == 0 || columns == 0 {
         return;
@@ -48,11 +49,11 @@ pub(crate) fn product(p: Product<'_>) {
     dispatch_simd(p);
 }
 
-impl SimdKernel for Product<'_> {
+impl SimdKernel for &mut Product<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(mut self) {
+    fn run<S: Simd>(self) {
         let columns = self.shape[1];
         let mut j = 0;
         // SAFETY: `product` has checked that every row of every matrix lies within its slice, and
@@ -62,10 +63,10 @@ impl SimdKernel for Product<'_> {
                 let left = ((columns - j) / S::LANES).min(S::VECTORS);
                 j += S::LANES
                     * match left {
-                        1 => strip::<S, 1>(&mut self, j),
-                        2 => strip::<S, 2>(&mut self, j),
-                        3 => strip::<S, 3>(&mut self, j),
-                        _ => strip::<S, 4>(&mut self, j),
+                        1 => strip::<S, 1>(self, j),
+                        2 => strip::<S, 2>(self, j),
+                        3 => strip::<S, 3>(self, j),
+                        _ => strip::<S, 4>(self, j),
                     };
             }
         }
@@ -182,7 +183,7 @@ mod tests {
                 let (bias, before) = (numbers(columns, 3), numbers(rows * columns, 4));
                 for start in [Start::Zero, Start::Result, Start::Row(&bias)] {
                     let mut c = before.clone();
-                    product(Product {
+                    product(&mut Product {
                         shape: [rows, columns, depth],
                         a: &a,
                         a_row,

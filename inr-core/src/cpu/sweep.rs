@@ -44,17 +44,13 @@ impl SimdKernel for Tangents<'_> {
     #[inline(always)]
     fn run<S: Simd>(self) {
         let n = self.g.len();
-        for i in (0..n).step_by(S::LANES) {
-            // SAFETY: planes are `n` long, whole vectors; `S` is the unit this kernel was compiled for.
-            unsafe {
-                let g = S::load(self.g.as_ptr().add(i));
-                for at in (i..self.z.len()).step_by(n) {
-                    S::store(
-                        self.t.as_mut_ptr().add(at),
-                        S::mul(g, S::load(self.z.as_ptr().add(at))),
-                    );
-                }
-            }
+        if n == 0 {
+            return;
+        }
+        // Plane by plane: three streams, which the prefetcher follows; all planes at once was slower.
+        for (t, z) in self.t.chunks_exact_mut(n).zip(self.z.chunks_exact(n)) {
+            let (t, g, z) = (&mut t[..n], &self.g[..n], &z[..n]);
+            (0..n).for_each(|i| t[i] = g[i] * z[i]);
         }
     }
 }

@@ -204,7 +204,7 @@ impl Layers {
             for (part, (a, a_row, depth, weights)) in parts.into_iter().flatten().enumerate() {
                 let b = &params[weights..weights + depth * stride];
                 let multiply = |a: &[f32], c: &mut [f32], first: Start<'_>| {
-                    product(Product {
+                    product(&mut Product {
                         shape: [c.len() / stride, stride, depth],
                         a,
                         a_row,
@@ -257,7 +257,7 @@ impl Layers {
         bar.resize(rows * stride);
         below.resize(rows * stride);
         let (weights, bias) = self.output();
-        product(Product {
+        product(&mut Product {
             shape: [rows, stride, outputs],
             a: &tape.y_bar,
             a_row: outputs,
@@ -268,7 +268,7 @@ impl Layers {
             c_row: stride,
             start: Start::Zero,
         });
-        product(Product {
+        product(&mut Product {
             shape: [outputs, stride, rows],
             a: &tape.y_bar,
             a_row: 1,
@@ -287,7 +287,7 @@ impl Layers {
             tape.features_bar.fill(0.0);
         }
         if let Some(bypass) = self.bypass() {
-            product(Product {
+            product(&mut Product {
                 shape: [outputs, feature_stride, rows],
                 a: &tape.y_bar,
                 a_row: 1,
@@ -299,7 +299,7 @@ impl Layers {
                 start: Start::Result,
             });
             if features {
-                product(Product {
+                product(&mut Product {
                     shape: [rows, feature_stride, outputs],
                     a: &tape.y_bar,
                     a_row: outputs,
@@ -326,7 +326,7 @@ impl Layers {
                 layer.skip.map(|at| (&tape.features, feature_stride, self.features, at)),
             ];
             for (a, a_step, inputs, weights) in parts.into_iter().flatten() {
-                product(Product {
+                product(&mut Product {
                     shape: [inputs, stride, rows],
                     a,
                     a_row: 1,
@@ -339,7 +339,7 @@ impl Layers {
                 });
             }
             let descend = |b: &[f32], c: &mut [f32], c_row: usize, start: Start<'_>| {
-                product(Product {
+                product(&mut Product {
                     shape: [rows, c_row, self.width],
                     a: bar,
                     a_row: stride,
