@@ -1,12 +1,17 @@
 //! The command line: every option with its help.
 
+mod field;
+
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use poisson_loss::{Objective, Options};
 use signal_io::SampleType;
 
+use crate::field_kind::FieldKind;
 use crate::values::{self, GuidanceName};
+
+pub use field::{DEFAULT_SEED, FitArgs, RenderArgs};
 
 /// Blends pictures in the gradient domain: the patch's structure, the background's light.
 #[derive(Debug, Parser)]
@@ -36,7 +41,9 @@ pub enum Command {
         npsolve blend beach.jpg bird.jpg --mask bird_mask.png --center 500,130 -o out.png\n  \
         npsolve blend wall.png letters.png --at 20,40 --guidance strongest -o out.png\n  \
         npsolve blend sky.exr plane.exr --at 649.5,10 --length 4 --keep 12 -o out.exr\n  \
-        npsolve blend sky.png plane.png --mask m.png --at 9,9 -o out.png --metrics out.json")]
+        npsolve blend sky.png plane.png --mask m.png --at 9,9 -o out.png --metrics out.json\n  \
+        npsolve blend sky.safetensors plane.safetensors --mask m.png --at 9,9 -o out.safetensors\n  \
+        npsolve blend sky.png plane.png --at 9,9 --field siren --budget 60s -o out.safetensors")]
     Blend(BlendArgs),
     /// Run every solver and baseline on one problem, or on a list of scenes.
     #[command(after_help = "Examples:\n  \
@@ -45,9 +52,27 @@ pub enum Command {
         npsolve compare sky.png plane.png --at 649,10 --other opencv.png --csv table.csv\n  \
         npsolve compare --manifest data/manifest.json -o tables")]
     Compare(CompareArgs),
-    /// Say what is in picture files: size, channels, range; pieces, holes and radius of masks.
+    /// Fit a picture with a network: a field with values and gradients at any point.
+    #[command(after_help = "Examples:\n  \
+        npsolve fit photo.jpg -o photo.safetensors\n  \
+        npsolve fit photo.jpg -o photo.safetensors --budget 2s\n  \
+        npsolve fit photo.jpg -o photo.safetensors --target-psnr 40 --table-rows 131072\n  \
+        npsolve fit photo.jpg -o small.safetensors --field siren --width 64 --steps 5000\n  \
+        npsolve fit photo.jpg -o small.safetensors --resume")]
+    Fit(FitArgs),
+    /// Make a picture of a field, at any size; or its gradient.
+    #[command(after_help = "Examples:\n  \
+        npsolve render photo.safetensors -o photo.png\n  \
+        npsolve render photo.safetensors -o large.png --scale 4\n  \
+        npsolve render photo.safetensors -o eye.png --crop 120.5,80,32,24 --size 1280x960\n  \
+        npsolve render photo.jpg -o small.png --size 300x200\n  \
+        npsolve render photo.safetensors --gradient slopes.exr")]
+    Render(RenderArgs),
+    /// Say what is in pictures and fields: size, channels, range; pieces, holes and radius of masks;
+    /// kind, numbers and state of networks.
     #[command(after_help = "Examples:\n  \
         npsolve inspect photo.jpg mask.png\n  \
+        npsolve inspect photo.safetensors\n  \
         npsolve inspect --json scan.exr")]
     Inspect(InspectArgs),
     /// Blend two built-in pictures and say what happened.
@@ -60,11 +85,11 @@ pub enum Command {
 /// `npsolve blend`
 #[derive(Debug, Args)]
 pub struct BlendArgs {
-    /// The picture to paste into; the result has its size, channels, alpha, profile and depth.
+    /// The picture or field to paste into; the result has its size, channels, alpha, profile and depth.
     pub background: PathBuf,
-    /// The picture to paste.
+    /// The picture or field to paste.
     pub patch: PathBuf,
-    /// The result; the extension says the format: png, jpg, tif, webp, pgm, ppm, pam, pfm, hdr, exr, npy.
+    /// The result; the extension says the format: safetensors for a field; png, jpg, tif, webp, pgm, ppm, pam, pfm, hdr, exr, npy.
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
     #[command(flatten)]
@@ -77,6 +102,21 @@ pub struct BlendArgs {
     /// dirichlet (fixed boundary, classical Poisson editing).
     #[arg(long, value_enum, default_value = "screened", help_heading = "Blending")]
     pub objective: ObjectiveName,
+    /// What the result is made of: spline (the exact solution), or a network that is trained to be it
+    /// [default: spline; the background's own network where it is one; grid if OUT is a .safetensors file].
+    #[arg(long, value_enum, value_name = "KIND", help_heading = "Field")]
+    pub field: Option<BlendField>,
+    /// Stop training after this time: 5s, 500ms, 2m; a plain number is seconds.
+    #[arg(long, value_name = "TIME", help_heading = "Field", value_parser = values::duration)]
+    #[arg(allow_hyphen_values = true)]
+    pub budget: Option<std::time::Duration>,
+    /// Stop training after this many steps [default: 2000; none with --budget].
+    #[arg(long, value_name = "N", help_heading = "Field", value_parser = clap::value_parser!(u64).range(1..))]
+    pub steps: Option<u64>,
+    /// Most rows of a table per level, a power of two, for a smaller grid or hash; without it a grid holds
+    /// the exact solution from the beginning.
+    #[arg(long, value_name = "N", help_heading = "Field", value_parser = values::power_of_two)]
+    pub table_rows: Option<usize>,
     /// Number type of the result [default: the background's, if the format has it].
     #[arg(long, value_enum)]
     pub depth: Option<Depth>,
@@ -194,7 +234,7 @@ pub struct CompareArgs {
 /// `npsolve inspect`
 #[derive(Debug, Args)]
 pub struct InspectArgs {
-    /// Pictures.
+    /// Pictures and fields.
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Print JSON.
@@ -217,6 +257,32 @@ pub enum ObjectiveName {
     Screened,
     Paper,
     Dirichlet,
+}
+
+/// `--field` of a blend
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[allow(missing_docs)]
+pub enum BlendField {
+    Spline,
+    Grid,
+    Siren,
+    Diner,
+    Hash,
+    Fourier,
+}
+
+impl BlendField {
+    /// The kind of network; none for the spline.
+    pub fn kind(self) -> Option<FieldKind> {
+        match self {
+            Self::Spline => None,
+            Self::Grid => Some(FieldKind::Grid),
+            Self::Siren => Some(FieldKind::Siren),
+            Self::Diner => Some(FieldKind::Diner),
+            Self::Hash => Some(FieldKind::Hash),
+            Self::Fourier => Some(FieldKind::Fourier),
+        }
+    }
 }
 
 /// `--blend-in`

@@ -7,8 +7,10 @@ use anyhow::{Result, bail};
 use signal_io::{Format, Image, SampleType, WriteOptions, WriteReport};
 
 use crate::args::{BlendArgs, ObjectiveName};
+use crate::field_file::is_network_name;
+use crate::neural::{self, NeuralSolution, Wanted};
 use crate::progress::Progress;
-use crate::report::{BlendReport, Context, Seconds, count};
+use crate::report::{BlendReport, Context, NetworkReport, Seconds, count};
 use crate::scene::Scene;
 use crate::solve::{Settings, Solution, solve_scene};
 use crate::{console, files};
@@ -29,36 +31,58 @@ pub fn run(args: &BlendArgs, quiet: bool) -> Result<()> {
     let start = Instant::now();
     let scene = Scene::read(&args.background, &args.patch, &args.scene)?;
     let like = scene.picture(scene.background.as_planar().to_vec(), true)?;
-    files::check_write(&args.output, &like, &write_options)?;
+    let to_field = is_network_name(&args.output);
+    if !to_field {
+        files::check_write(&args.output, &like, &write_options)?;
+    }
     let read = start.elapsed().as_secs_f64();
 
-    let settings = settings(args, &like);
+    let wanted = neural::wanted(args, &scene);
+    check_field(args, wanted)?;
+    let settings = settings(args, &like, wanted);
     let with_metrics = args.json || args.metrics.is_some();
-    let mut progress = Progress::new(quiet);
-    let mut solution =
-        solve_scene(&scene, &settings, with_metrics, &mut |share| progress.update(share))?;
-    drop(progress);
+    let (mut solution, network, file) = if wanted == Wanted::Spline {
+        let mut progress = Progress::new(quiet);
+        let solution =
+            solve_scene(&scene, &settings, with_metrics, &mut |share| progress.update(share))?;
+        (solution, None, Vec::new())
+    } else {
+        let NeuralSolution { solution, report, file } =
+            neural::solve_scene(args, &scene, &settings, wanted, quiet)?;
+        (solution, Some(report), file)
+    };
 
     let start = Instant::now();
-    let picture = scene.picture(std::mem::take(&mut solution.planes), true)?;
-    let written = files::write(&args.output, &picture, &write_options)?;
+    let written = if to_field {
+        files::write_bytes(&args.output, &file, args.force)?;
+        None
+    } else {
+        let picture = scene.picture(std::mem::take(&mut solution.planes), true)?;
+        Some(files::write(&args.output, &picture, &write_options)?)
+    };
     let write = start.elapsed().as_secs_f64();
 
     let done = Done {
         args,
         scene: &scene,
         settings: &settings,
-        warnings: all_warnings(&scene, &solution, &written),
+        warnings: all_warnings(&scene, &solution, written.as_ref()),
         seconds: Seconds { read, solve: solution.seconds, write },
         solution: &solution,
         written,
+        network,
+        bytes: to_field.then_some(file.len()),
     };
     done.tell(quiet)
 }
 
 /// Everything about the targets that can be known before the work.
 fn check_targets(args: &BlendArgs) -> Result<()> {
-    files::check_picture(&args.output, args.force)?;
+    if is_network_name(&args.output) {
+        files::check_text(&args.output, args.force)?;
+    } else {
+        files::check_picture(&args.output, args.force)?;
+    }
     let Some(metrics) = &args.metrics else { return Ok(()) };
     files::check_text(metrics, args.force)?;
     if *metrics == args.output {
@@ -67,19 +91,41 @@ fn check_targets(args: &BlendArgs) -> Result<()> {
     Ok(())
 }
 
-fn settings(args: &BlendArgs, like: &Image) -> Settings {
-    let wanted = args.depth.map(|d| d.sample_type());
-    let stored = files::stored_type(&args.output, like, wanted);
-    let tolerance = if stored == SampleType::U8 { TOLERANCE_8_BIT } else { TOLERANCE };
-    Settings {
-        guidance: args.solve.guidance,
-        options: args.solve.options(args.objective, tolerance),
+/// Options that the chosen field does not have.
+fn check_field(args: &BlendArgs, wanted: Wanted) -> Result<()> {
+    if wanted != Wanted::Spline {
+        return Ok(());
     }
+    if is_network_name(&args.output) {
+        bail!(
+            "{}: a spline is written as a picture; choose --field grid, or an output like .exr",
+            args.output.display()
+        );
+    }
+    if args.budget.is_some() || args.steps.is_some() || args.table_rows.is_some() {
+        bail!(
+            "--budget, --steps and --table-rows belong to networks; choose one with --field, for example grid"
+        );
+    }
+    Ok(())
 }
 
-fn all_warnings(scene: &Scene, solution: &Solution, written: &WriteReport) -> Vec<String> {
+fn settings(args: &BlendArgs, like: &Image, wanted: Wanted) -> Settings {
+    let mut options = args.solve.options(args.objective, TOLERANCE);
+    if wanted != Wanted::Spline {
+        // Of a network the option says how near to the exact solution it has to come.
+        options.tolerance = TOLERANCE_8_BIT;
+    } else if args.solve.tolerance.is_none() {
+        let stored = files::stored_type(&args.output, like, args.depth.map(|d| d.sample_type()));
+        options.tolerance = if stored == SampleType::U8 { TOLERANCE_8_BIT } else { TOLERANCE };
+    }
+    Settings { guidance: args.solve.guidance, options }
+}
+
+fn all_warnings(scene: &Scene, solution: &Solution, written: Option<&WriteReport>) -> Vec<String> {
     let mut warnings = scene.warnings.clone();
     warnings.extend(solution.report.warnings.iter().cloned());
+    let Some(written) = written else { return warnings };
     let share = clipped_fraction(written);
     if share > 0.01 {
         warnings.push(format!(
@@ -107,7 +153,11 @@ struct Done<'a> {
     scene: &'a Scene,
     settings: &'a Settings,
     solution: &'a Solution,
-    written: WriteReport,
+    /// What became of the picture, if the result is one.
+    written: Option<WriteReport>,
+    /// The training, and the size of the file, if the result is a network.
+    network: Option<NetworkReport>,
+    bytes: Option<usize>,
     warnings: Vec<String>,
     seconds: Seconds,
 }
@@ -135,14 +185,19 @@ impl Done<'_> {
     fn report(&self) -> Option<BlendReport> {
         let background = &self.scene.background;
         let context = Context {
-            solver: format!("spline-{}", self.objective()),
+            solver: format!(
+                "{}-{}",
+                self.network.as_ref().map_or("spline", |n| &n.field),
+                self.objective()
+            ),
             guidance: self.settings.guidance.to_string(),
             seconds: self.seconds,
-            clipped_fraction: clipped_fraction(&self.written),
+            clipped_fraction: self.written.as_ref().map_or(0.0, clipped_fraction),
             warnings: &self.warnings,
             size: [background.width(), background.height()],
             channels: self.scene.channels(),
             offset: self.scene.offset,
+            network: self.network.clone(),
         };
         let metrics = self.solution.metrics.as_ref()?;
         Some(BlendReport::new(metrics, &self.solution.report, context))
@@ -182,14 +237,20 @@ impl Done<'_> {
             count(report.iterations, "iteration"),
             report.residual
         );
-        let (clipped, samples) = (self.written.clipped, self.written.samples);
-        let _ = writeln!(
-            text,
-            "Wrote {} ({} {}); {clipped} of {samples} samples were clipped to fit.",
-            self.args.output.display(),
-            self.written.sample.name(),
-            self.written.format.name()
-        );
+        if let Some(network) = &self.network {
+            text += &neural::summary(network, &self.args.output, self.bytes);
+        }
+        if let Some(written) = &self.written {
+            let _ = writeln!(
+                text,
+                "Wrote {} ({} {}); {} of {} samples were clipped to fit.",
+                self.args.output.display(),
+                written.sample.name(),
+                written.format.name(),
+                written.clipped,
+                written.samples
+            );
+        }
         text
     }
 }

@@ -1,7 +1,7 @@
 //! Files in and out: every message names the file and the next step.
 
 use std::fs;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -24,7 +24,7 @@ fn check_finite(path: &Path, image: &Image) -> Result<()> {
     let Some(k) = image.as_planar().iter().position(|v| !v.is_finite()) else { return Ok(()) };
     let (width, n) = (image.width(), image.pixel_count());
     bail!(
-        "{} holds {} at pixel {},{} of channel {}; replace such values before blending",
+        "{} holds {} at pixel {},{} of channel {}; replace such values first",
         path.display(),
         image.as_planar()[k],
         k % n % width,
@@ -58,6 +58,18 @@ pub fn check_text(path: &Path, force: bool) -> Result<()> {
             folder.display()
         ),
         _ => Ok(()),
+    }
+}
+
+/// Reads any file that fits the memory.
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>> {
+    match fs::read(path) {
+        Ok(bytes) => Ok(bytes),
+        Err(e) if e.kind() == ErrorKind::NotFound => {
+            bail!("{} does not exist; check the spelling of the path", path.display())
+        }
+        Err(e) => Err(e)
+            .with_context(|| format!("cannot read {}; check path and permissions", path.display())),
     }
 }
 

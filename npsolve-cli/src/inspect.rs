@@ -1,4 +1,6 @@
-//! `npsolve inspect`: what is in picture files.
+//! `npsolve inspect`: what is in pictures and fields.
+
+mod field;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -10,10 +12,19 @@ use signal_io::{Image, Transfer};
 
 use crate::args::InspectArgs;
 use crate::report::count;
-use crate::{console, files, mask};
+use crate::{console, field_file, files, mask};
+use field::FieldDescription;
 
 /// A plane counts as a mask when at least this share of its values is 0 or 1, and both occur.
 const MASK_SHARE: f64 = 0.9;
+
+/// A file, described.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Found {
+    Picture(Description),
+    Field(Box<FieldDescription>),
+}
 
 /// A picture, described.
 #[derive(Debug, Serialize)]
@@ -58,20 +69,27 @@ struct MaskDescription {
 pub fn run(args: &InspectArgs) -> Result<()> {
     let (mut found, mut failures) = (Vec::new(), Vec::new());
     for path in &args.files {
-        match files::read_any(path) {
-            Ok(image) => found.push(describe(path, &image)?),
+        match look(path) {
+            Ok(one) => found.push(one),
             Err(error) => failures.push(format!("{error:#}")),
         }
     }
     if args.json {
         console::print(&files::to_json(&found)?)?;
     } else {
-        console::print(&found.iter().map(Description::to_text).collect::<String>())?;
+        console::print(&found.iter().map(Found::to_text).collect::<String>())?;
     }
     match failures.is_empty() {
         true => Ok(()),
         false => bail!("{}", failures.join("\nerror: ")),
     }
+}
+
+fn look(path: &Path) -> Result<Found> {
+    if field_file::is_network(path) {
+        return Ok(Found::Field(Box::new(field::describe(path)?)));
+    }
+    Ok(Found::Picture(describe(path, &files::read_any(path)?)?))
 }
 
 fn describe(path: &Path, image: &Image) -> Result<Description> {
@@ -127,6 +145,15 @@ fn describe_mask(path: &Path, image: &Image) -> Result<Option<MaskDescription>> 
         inradius: radius.is_finite().then_some(radius),
         touches_border: mask.touches_border(),
     }))
+}
+
+impl Found {
+    fn to_text(&self) -> String {
+        match self {
+            Self::Picture(picture) => picture.to_text(),
+            Self::Field(field) => field.to_text(),
+        }
+    }
 }
 
 impl Description {

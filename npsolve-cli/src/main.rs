@@ -9,10 +9,17 @@ mod channels;
 mod compare;
 mod console;
 mod demo;
+mod field_file;
+mod field_kind;
+mod field_words;
 mod files;
+mod fit;
 mod inspect;
 mod mask;
+mod neural;
+mod picture_kind;
 mod progress;
+mod render;
 mod report;
 mod scene;
 mod solve;
@@ -28,9 +35,12 @@ use crate::args::{Cli, Command};
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    if let Command::Blend(args) = &cli.command
-        && let Err(message) = args.solve.check(args.objective)
-    {
+    let checked = match &cli.command {
+        Command::Blend(args) => args.solve.check(args.objective),
+        Command::Fit(args) => args.check(),
+        _ => Ok(()),
+    };
+    if let Err(message) = checked {
         Cli::command().error(ErrorKind::ArgumentConflict, message).exit();
     }
     match run(&cli) {
@@ -52,6 +62,8 @@ fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
         Command::Blend(args) => blend::run(args, cli.quiet),
         Command::Compare(args) => compare::run(args, cli.quiet),
+        Command::Fit(args) => fit::run(args, cli.quiet),
+        Command::Render(args) => render::run(args, cli.quiet),
         Command::Inspect(args) => inspect::run(args),
         Command::Demo(args) => demo::run(args, cli.quiet),
     }

@@ -13,27 +13,39 @@ const PATIENCE: Duration = Duration::from_secs(2);
 pub struct Progress {
     start: Instant,
     bar: Option<ProgressBar>,
+    label: &'static str,
     silent: bool,
 }
 
 impl Progress {
-    /// Starts the clock.
+    /// Starts the clock of a blend.
     pub fn new(quiet: bool) -> Self {
+        Self::of("solving", quiet)
+    }
+
+    /// Starts the clock of a job that is called so.
+    pub fn of(label: &'static str, quiet: bool) -> Self {
         let silent = quiet || !io::stderr().is_terminal();
-        Self { start: Instant::now(), bar: None, silent }
+        Self { start: Instant::now(), bar: None, label, silent }
     }
 
     /// Takes the share of the work that is done, 0 to 1.
     pub fn update(&mut self, share: f32) {
+        self.update_with(share, String::new);
+    }
+
+    /// The same, with something to say beside the time left.
+    pub fn update_with(&mut self, share: f32, note: impl FnOnce() -> String) {
         let elapsed = self.start.elapsed();
         if self.silent || elapsed < PATIENCE {
             return;
         }
-        let bar = self.bar.get_or_insert_with(new_bar);
+        let bar = self.bar.get_or_insert_with(|| new_bar(self.label));
         bar.set_position((share.clamp(0.0, 1.0) * 100.0) as u64);
-        if let Some(left) = time_left(elapsed, share) {
-            bar.set_message(format!("{} s left", left.as_secs() + 1));
-        }
+        let left = time_left(elapsed, share).map(|left| format!("{} s left", left.as_secs() + 1));
+        let parts: Vec<String> =
+            [note()].into_iter().filter(|n| !n.is_empty()).chain(left).collect();
+        bar.set_message(parts.join("  "));
     }
 }
 
@@ -45,9 +57,11 @@ impl Drop for Progress {
     }
 }
 
-fn new_bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("solving {bar:40} {percent:>3} %  {msg}");
-    ProgressBar::new(100).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+fn new_bar(label: &'static str) -> ProgressBar {
+    let style = ProgressStyle::with_template("{prefix} {bar:40} {percent:>3} %  {msg}");
+    ProgressBar::new(100)
+        .with_prefix(label)
+        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
 /// At the pace so far; unknown in the first percent.

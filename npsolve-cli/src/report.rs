@@ -43,6 +43,27 @@ pub struct BlendReport {
     size: [usize; 2],
     channels: usize,
     offset: [f32; 2],
+    rmse_to_exact: Option<f64>,
+    rmse_inside: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    network: Option<NetworkReport>,
+}
+
+/// What the training of a network did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NetworkReport {
+    /// Kind of network.
+    pub field: String,
+    /// Trained numbers.
+    pub parameters: usize,
+    /// Steps taken.
+    pub steps: u64,
+    /// Loss at the end.
+    pub loss: f64,
+    /// Root mean square distance to the exact solution on the last batches, where there is one.
+    pub distance: Option<f64>,
+    /// Seconds of the training.
+    pub seconds: f64,
 }
 
 /// What a report is made of, besides the solver's own.
@@ -63,6 +84,8 @@ pub struct Context<'a> {
     pub channels: usize,
     /// Where the patch went.
     pub offset: [f32; 2],
+    /// The training, if the result is a network.
+    pub network: Option<NetworkReport>,
 }
 
 impl BlendReport {
@@ -97,6 +120,9 @@ impl BlendReport {
             size: context.size,
             channels: context.channels,
             offset: context.offset,
+            rmse_to_exact: metrics.rmse_to_exact,
+            rmse_inside: metrics.rmse_inside,
+            network: context.network,
         }
     }
 }

@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use inr_core::{RasterMask, Samples, Translated};
+use inr_core::{Network, RasterMask, Samples, Translated};
 use signal_io::{Image, Transfer};
 
 use crate::args::{BlendIn, SceneArgs};
+use crate::field_file::{self, FieldFile};
 use crate::files;
 use crate::mask;
 
@@ -24,6 +25,8 @@ pub struct Scene {
     pub offset: [f32; 2],
     /// The names of both pictures, for messages.
     pub names: [String; 2],
+    /// The checkpoints that background and patch came from, where their values are still the networks'.
+    pub networks: [Option<Vec<u8>>; 2],
     /// What the user should know.
     pub warnings: Vec<String>,
 }
@@ -32,12 +35,22 @@ impl Scene {
     /// Reads the files.
     pub fn read(background: &Path, patch: &Path, args: &SceneArgs) -> Result<Self> {
         let names = [background, patch].map(|p| p.display().to_string());
-        let pictures = [files::read(background)?, files::read(patch)?];
+        let files = [FieldFile::read(background)?, FieldFile::read(patch)?];
+        let bytes = files.each_ref().map(FieldFile::network_bytes);
+        let [b, p] = files;
+        let pictures = [b.into_picture(background)?, p.into_picture(patch)?];
+        let planes = pictures.each_ref().map(|p| p.as_planar().to_vec());
         let mask = match &args.mask {
             Some(path) => Some((path.display().to_string(), files::read_any(path)?)),
             None => None,
         };
-        Self::new(names, pictures, mask, args)
+        let mut scene = Self::new(names, pictures, mask, args)?;
+        // Conversions to grey or to light leave values that are no longer the networks'.
+        let now = [scene.background.as_planar(), scene.patch.as_planar()];
+        let kept: Vec<bool> = (0..2).map(|k| now[k] == planes[k]).collect();
+        scene.networks = bytes;
+        (0..2).filter(|k| !kept[*k]).for_each(|k| scene.networks[k] = None);
+        Ok(scene)
     }
 
     /// Matches pictures that are in memory; `names` stand for them in messages.
@@ -62,7 +75,7 @@ impl Scene {
             (None, None) => RasterMask::new(patch.domain(), vec![1.0; patch.pixel_count()])?,
         };
         let offset = place(&background, &patch, args, &names)?;
-        Ok(Self { background, alpha, patch, mask, offset, names, warnings })
+        Ok(Self { background, alpha, patch, mask, offset, names, networks: [None, None], warnings })
     }
 
     /// Number of colour channels.
@@ -73,6 +86,14 @@ impl Scene {
     /// The region in the background's pixels.
     pub fn region(&self) -> Translated<&RasterMask<2>, 2> {
         Translated { region: &self.mask, offset: self.offset }
+    }
+
+    /// The network of the background (0) or the patch (1), if it is one on the picture's own lattice.
+    pub fn network<const C: usize>(&self, which: usize) -> Result<Option<Network<2, C>>> {
+        let Some(bytes) = &self.networks[which] else { return Ok(None) };
+        let checkpoint = field_file::checkpoint::<2, C>(Path::new(&self.names[which]), bytes)?;
+        let image = if which == 0 { &self.background } else { &self.patch };
+        Ok((checkpoint.domain == image.domain()).then_some(checkpoint.network))
     }
 
     /// Somebody else's result with this scene's channels and encoding.

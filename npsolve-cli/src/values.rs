@@ -1,7 +1,9 @@
 //! Values of options: parsed and checked before anything is read.
 
 use std::fmt;
+use std::time::Duration;
 
+use inr_core::Interpolation;
 use poisson_loss::{Guidance, Strongest};
 
 /// A [`Guidance`] by its name, for any number of channels.
@@ -100,6 +102,82 @@ pub fn tolerance(text: &str) -> Result<f32, String> {
         .ok_or_else(|| "must be a number between 0 and 1, for example 1e-6".to_owned())
 }
 
+/// Width and height in pixels, each at least 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Size(pub [usize; 2]);
+
+/// A rectangle in pixels: its left and upper edge, its width and height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Crop {
+    /// Left and upper edge, at least 0.
+    pub start: [f32; 2],
+    /// Width and height, above 0.
+    pub size: [f32; 2],
+}
+
+/// Parses `--size`.
+pub fn size(text: &str) -> Result<Size, String> {
+    let parsed = || {
+        let (w, h) = text.split_once(['x', 'X'])?;
+        let (w, h) = (w.trim().parse().ok()?, h.trim().parse().ok()?);
+        (w > 0 && h > 0).then_some(Size([w, h]))
+    };
+    parsed().ok_or_else(|| "write width and height with an x between: 1280x960".to_owned())
+}
+
+/// Parses `--crop`.
+pub fn crop(text: &str) -> Result<Crop, String> {
+    let numbers: Vec<f32> = text.split(',').filter_map(number).collect();
+    match numbers[..] {
+        [x, y, w, h] if text.matches(',').count() == 3 && x.min(y) >= 0.0 && w.min(h) > 0.0 => {
+            Ok(Crop { start: [x, y], size: [w, h] })
+        }
+        _ => Err("write four numbers with commas: X,Y,W,H; none below 0, W and H above".to_owned()),
+    }
+}
+
+/// Parses a time: a number of seconds, or one with the unit ms, s or m.
+pub fn duration(text: &str) -> Result<Duration, String> {
+    let units = [("ms", 1e-3), ("s", 1.0), ("m", 60.0), ("", 1.0)];
+    let parsed = units.iter().find_map(|(unit, seconds)| {
+        let count: f64 = text.trim().strip_suffix(unit)?.trim().parse().ok()?;
+        Duration::try_from_secs_f64(count * seconds).ok().filter(|d| !d.is_zero())
+    });
+    parsed.ok_or_else(|| "write a time above 0: 2s, 500ms, 2m; a number is seconds".to_owned())
+}
+
+/// Parses a level in dB.
+pub fn decibel(text: &str) -> Result<f64, String> {
+    let value = text.trim().parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite());
+    value.ok_or_else(|| "must be a number of dB above 0, for example 35".to_owned())
+}
+
+/// Parses a count.
+pub fn at_least_one(text: &str) -> Result<usize, String> {
+    let value = text.trim().parse().ok().filter(|n| (1..=MOST).contains(n));
+    value.ok_or_else(|| format!("must be a whole number from 1 to {MOST}"))
+}
+
+/// Parses the size of a table.
+pub fn power_of_two(text: &str) -> Result<usize, String> {
+    let value = text.trim().parse().ok().filter(|n: &usize| n.is_power_of_two() && *n <= MOST);
+    value.ok_or_else(|| format!("must be a power of two up to {MOST}, for example 32768"))
+}
+
+/// Far beyond use, and no size computed from it overflows.
+const MOST: usize = 1 << 24;
+
+/// Parses `--interpolation`.
+pub fn interpolation(text: &str) -> Result<Interpolation, String> {
+    match text {
+        "nearest" => Ok(Interpolation::Nearest),
+        "linear" => Ok(Interpolation::Linear),
+        "smoothstep" => Ok(Interpolation::Smoothstep),
+        "cubic" => Ok(Interpolation::Cubic),
+        _ => Err("known are nearest, linear, smoothstep, cubic".to_owned()),
+    }
+}
+
 fn number(text: &str) -> Option<f32> {
     text.trim().parse().ok().filter(|v: &f32| v.is_finite())
 }
@@ -135,5 +213,28 @@ mod tests {
         assert!(tolerance("1").is_err() && tolerance("1e-3").is_ok());
         assert_eq!(point("-3.5,20"), Ok([-3.5, 20.0]));
         assert!(point("3").is_err() && point("3;4").is_err());
+    }
+    #[test]
+    fn times_sizes_and_crops() {
+        let milliseconds = |text| duration(text).map(|d| d.as_millis());
+        for (text, expected) in
+            [("2s", 2000), ("500ms", 500), ("2m", 120_000), ("10", 10_000), ("0.5 s", 500)]
+        {
+            assert_eq!(milliseconds(text), Ok(expected), "{text}");
+        }
+        for text in ["", "s", "-1s", "0", "1h", "nan", "inf", "1e300"] {
+            assert!(duration(text).is_err(), "{text}");
+        }
+        assert_eq!(size("640x480"), Ok(Size([640, 480])));
+        for text in ["640", "0x4", "4x0", "x", "4x-4", "4.5x4", "1x2x3"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+        assert_eq!(crop("0.5,1,3,2.25"), Ok(Crop { start: [0.5, 1.0], size: [3.0, 2.25] }));
+        for text in ["1,2,3", "1,2,3,4,5", "1,2,0,4", "-1,2,3,4", "1,,3,4", "1,2,nan,4"] {
+            assert!(crop(text).is_err(), "{text}");
+        }
+        assert!(power_of_two("32768").is_ok() && power_of_two("1000").is_err());
+        assert!(at_least_one("0").is_err() && at_least_one("20000000").is_err());
+        assert!(decibel("-3").is_err() && decibel("35.5").is_ok());
     }
 }

@@ -118,6 +118,10 @@ pub use exact::{Blend, Report, solve, solve_with_progress};
 pub use guidance::{CustomGuidance, Guidance, Strongest};
 pub use metrics::{Metrics, measure};
 pub use neural::{
+    ColorTerm, DiscreteMinimum, PaperBlend, PaperLoss, PaperOptions, PaperProgress, PaperSignals,
+    PaperStart, PaperWeights, Stencil, discrete_minimum, paper_loss, train_paper,
+};
+pub use neural::{
     NeuralOptions, NeuralProgress, NeuralReport, box_spline, insert, neural_box, train_blend,
 };
 pub use objective::{Objective, Options};

@@ -1,5 +1,6 @@
 //! Blends as networks: trained on the exact solution, then on the objective itself.
 
+mod paper;
 mod stage;
 
 use std::time::{Duration, Instant};
@@ -9,6 +10,11 @@ use inr_core::{Domain, Field, Jet, Lattice, Order, Samples, Spline, Trainer};
 use crate::problem::copy_box;
 use crate::{Blend, Error, Problem, Result};
 use stage::Stage;
+
+pub use paper::{
+    ColorTerm, DiscreteMinimum, PaperBlend, PaperLoss, PaperOptions, PaperProgress, PaperSignals, PaperStart,
+    PaperWeights, Stencil, discrete_minimum, paper_loss, train_paper,
+};
 
 /// When a neural blend ends, and how it gets there.
 #[derive(Debug, Clone, Copy, PartialEq)]

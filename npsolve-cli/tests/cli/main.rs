@@ -3,5 +3,8 @@
 mod bad_input;
 mod blend;
 mod compare;
+mod field_errors;
+mod fit;
 mod inspect;
+mod render;
 mod support;

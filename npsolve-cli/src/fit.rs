@@ -1,0 +1,240 @@
+//! `npsolve fit`: a picture becomes a network.
+
+mod file;
+mod recipe;
+mod report;
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::{Result, anyhow, bail};
+use inr_core::{Error, FitProgress, FitReport, Frame, Network, Output, Samples, Trainer, fit};
+use signal_io::{Image, SampleType};
+
+pub use file::{FINISHED, RECIPE};
+pub use report::size as bytes_in_words;
+
+use crate::args::FitArgs;
+use crate::channels::{self, ChannelJob, with_channels};
+use crate::picture_kind::PictureKind;
+use crate::progress::Progress;
+use crate::scene::samples_of;
+use crate::{console, field_file, field_words, files};
+use file::{TrainingFile, Unfinished};
+use recipe::{Recipe, fingerprint};
+use report::{Report, Surroundings};
+
+/// Runs the command.
+pub fn run(args: &FitArgs, quiet: bool) -> Result<()> {
+    check_target(args)?;
+    let image = without_opaque_alpha(files::read(&args.signal)?);
+    let (n, most) = (image.channels().len(), channels::MOST);
+    with_channels(n, Job { args, image: &image, quiet }).unwrap_or_else(|| {
+        bail!(
+            "{} has {n} channels, a field 1 to {most}; choose some of them",
+            args.signal.display()
+        )
+    })
+}
+
+/// Everything about the target that can be known before the work.
+fn check_target(args: &FitArgs) -> Result<()> {
+    let path = args.output.display();
+    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(field_file::EXTENSION)) {
+        bail!("{path}: fields are .{} files; end the name with that", field_file::EXTENSION);
+    }
+    if args.resume && !args.output.exists() {
+        bail!("{path} does not exist, so there is nothing to go on with; leave out --resume");
+    }
+    files::check_text(&args.output, args.force || args.resume)
+}
+
+/// Alpha that says nothing is not worth learning.
+fn without_opaque_alpha(image: Image) -> Image {
+    match image.alpha() {
+        Some(alpha) if image.color_count() > 0 && alpha.iter().all(|a| *a == 1.0) => {
+            image.split_alpha().0
+        }
+        _ => image,
+    }
+}
+
+struct Job<'a> {
+    args: &'a FitArgs,
+    image: &'a Image,
+    quiet: bool,
+}
+
+impl ChannelJob for Job<'_> {
+    type Output = Result<()>;
+
+    fn run<const C: usize>(self) -> Result<()> {
+        let samples = samples_of::<C>(self.image, 0)?;
+        let range = range(&samples);
+        let peak = peak(&self.args.signal, range)?;
+        let (mut trainer, recipe) = self.begin(&samples, range, peak)?;
+        let mut file = TrainingFile {
+            path: self.args.output.clone(),
+            domain: *samples.domain(),
+            kind: PictureKind::of(self.image),
+            range,
+            recipe,
+            every: self.args.checkpoint_every,
+            replace: self.args.force || self.args.resume,
+            last: Instant::now(),
+            has_state: self.args.resume,
+        };
+        let report = self.train(&mut trainer, &samples, peak, &mut file)?;
+        let last = self.args.stop_after.filter(|n| Some(*n) != file.recipe.steps);
+        let finished = last.is_none_or(|n| trainer.steps() < n);
+        let bytes = file.write(&trainer, self.args.keep_training || !finished, finished)?;
+        self.tell(&trainer, &file.recipe, report, bytes, finished)
+    }
+}
+
+impl Job<'_> {
+    /// A training from its beginning, or where it was left.
+    fn begin<const C: usize>(
+        &self,
+        samples: &Samples<2, C>,
+        [low, high]: [f32; 2],
+        peak: f32,
+    ) -> Result<(Trainer<2, C>, Recipe)> {
+        let (print, signal) = (fingerprint(samples), self.args.signal.display().to_string());
+        if self.args.resume {
+            let Unfinished { trainer, recipe } =
+                Unfinished::read(&self.args.output, &signal, &print)?;
+            if let Some([there, here]) = recipe.difference(self.args) {
+                let file = self.args.output.display();
+                bail!("{file} was begun with {there}, not {here}; leave the option out");
+            }
+            return Ok((trainer, recipe));
+        }
+        let recipe = Recipe::new(self.args, print).map_err(|message| anyhow!(message))?;
+        let architecture = recipe.field.architecture(&samples.domain().shape(), &recipe.options);
+        let middle = 0.5 * low + 0.5 * high;
+        let output = Output::of_range(middle - 0.5 * peak, middle + 0.5 * peak);
+        let frame = Frame::of_cells(samples.domain());
+        let network = Network::new(architecture, frame, output, recipe.seed)?;
+        let options = recipe.field.train_options(&recipe.options, recipe.seed);
+        Ok((Trainer::new(network, options), recipe))
+    }
+
+    fn train<const C: usize>(
+        &self,
+        trainer: &mut Trainer<2, C>,
+        samples: &Samples<2, C>,
+        peak: f32,
+        file: &mut TrainingFile,
+    ) -> Result<FitReport> {
+        let options = file.recipe.fit_options(peak);
+        let mut progress = Progress::of("fitting", self.quiet);
+        let mut failure = None;
+        let after_step = |trainer: &Trainer<2, C>, now: FitProgress| {
+            progress.update_with(now.progress as f32, || format!("{:.1} dB", now.psnr));
+            if let Err(error) = file.write_if_due(trainer) {
+                failure = Some(error);
+            }
+            failure.is_none() && self.args.stop_after.is_none_or(|n| now.step < n)
+        };
+        let result = fit(trainer, samples, &options, after_step);
+        drop(progress);
+        match (result, failure) {
+            (_, Some(error)) => Err(error),
+            (Err(error), None) => Err(self.in_our_words(&error, file)),
+            (Ok(report), None) => Ok(report),
+        }
+    }
+
+    fn in_our_words(&self, error: &Error, file: &TrainingFile) -> anyhow::Error {
+        let Error::Diverged { step, loss, .. } = error else { return anyhow!(error.clone()) };
+        let o = &file.recipe.options;
+        let smaller: Vec<String> =
+            [("--rate", o.rate), ("--table-rate", o.table_rate), ("--omega", o.omega)]
+                .iter()
+                .filter_map(|(name, value)| Some(format!("{name} (now {:?})", (*value)?)))
+                .collect();
+        let path = self.args.output.display();
+        let left = match (file.has_state, self.args.output.exists()) {
+            (true, _) => format!("{path} holds the unfinished training as it was before"),
+            (false, true) => format!("{path} is as it was"),
+            (false, false) => format!("{path} was not written"),
+        };
+        anyhow!(
+            "the fit of {} diverged at step {step} (loss {loss:.1e}); choose a smaller {}. {left}",
+            self.args.signal.display(),
+            smaller.join(" or ")
+        )
+    }
+
+    fn tell<const C: usize>(
+        &self,
+        trainer: &Trainer<2, C>,
+        recipe: &Recipe,
+        report: FitReport,
+        bytes: usize,
+        finished: bool,
+    ) -> Result<()> {
+        let report = Report {
+            field: recipe.field.name(),
+            parameters: trainer.network.parameter_count(),
+            steps: report.steps,
+            seconds: trainer.seconds(),
+            psnr: report.psnr,
+            target_reached: recipe.target_psnr.map(|_| report.reached),
+            bytes,
+            finished,
+            warnings: warnings(recipe, &report, finished),
+        };
+        if self.args.json {
+            console::print(&files::to_json(&report)?)?;
+        }
+        if self.quiet {
+            return Ok(());
+        }
+        console::warn(&report.warnings);
+        if self.args.json {
+            return Ok(());
+        }
+        let image = self.image;
+        let each = match image.sample {
+            SampleType::U8 => 1,
+            SampleType::U16 | SampleType::F16 => 2,
+            SampleType::F32 => 4,
+        };
+        console::print(&report.to_text(&Surroundings {
+            signal: self.args.signal.display().to_string(),
+            size: [image.width(), image.height()],
+            channels: C,
+            samples: (image.sample.name(), each * image.as_planar().len()),
+            network: field_words::sentence(trainer.network.architecture()),
+            file: self.args.output.display().to_string(),
+        }))
+    }
+}
+
+fn warnings(recipe: &Recipe, report: &FitReport, finished: bool) -> Vec<String> {
+    match recipe.target_psnr {
+        Some(target) if finished && !report.reached => vec![format!(
+            "{target} dB were not reached, only {:.2}; raise the limit (--steps, --budget) or the \
+             network's size",
+            report.psnr
+        )],
+        _ => Vec::new(),
+    }
+}
+
+fn range<const C: usize>(samples: &Samples<2, C>) -> [f32; 2] {
+    let bounds = |[low, high]: [f32; 2], v: &f32| [low.min(*v), high.max(*v)];
+    samples.as_planar().iter().fold([f32::INFINITY, f32::NEG_INFINITY], bounds)
+}
+
+/// The length of the range, which errors are measured by; for a signal of one value its own size, at least 1.
+fn peak(signal: &Path, [low, high]: [f32; 2]) -> Result<f32> {
+    let peak = if high > low { high - low } else { low.abs().max(1.0) };
+    // Squares of the reciprocal are taken in f32.
+    if !(1e-30..=1e30).contains(&peak) {
+        bail!("{} has values from {low:e} to {high:e}; scale them to about 0..1", signal.display());
+    }
+    Ok(peak)
+}
