@@ -1,6 +1,7 @@
 //! The command line: every option with its help.
 
 mod field;
+mod reproduce;
 
 use std::path::PathBuf;
 
@@ -12,6 +13,7 @@ use crate::field_kind::FieldKind;
 use crate::values::{self, GuidanceName};
 
 pub use field::{DEFAULT_SEED, FitArgs, RenderArgs};
+pub use reproduce::{Figure, ReproduceArgs};
 
 /// Blends pictures in the gradient domain: the patch's structure, the background's light.
 #[derive(Debug, Parser)]
@@ -80,6 +82,13 @@ pub enum Command {
         npsolve demo\n  \
         npsolve demo -o /tmp/npsolve-demo")]
     Demo(DemoArgs),
+    /// Make the tables and figures of the paper again, every result measured alike.
+    #[command(after_help = "Examples:\n  \
+        npsolve reproduce table1 --quick\n  \
+        npsolve reproduce table1 --manifest scenes.json --scenes board,letters -o tables\n  \
+        npsolve reproduce ablation --size 256\n\n\
+        Full runs train networks for minutes to hours; docs/reproduction.md has measured times.")]
+    Reproduce(ReproduceArgs),
 }
 
 /// `npsolve blend`

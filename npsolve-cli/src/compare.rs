@@ -1,8 +1,8 @@
 //! `npsolve compare`: every solver and baseline on the same problem.
 
-mod canvas;
-mod font;
-mod manifest;
+pub mod canvas;
+pub mod font;
+pub mod manifest;
 mod methods;
 mod sheet;
 mod table;

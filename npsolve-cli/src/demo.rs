@@ -82,7 +82,8 @@ fn paths(folder: &Path) -> String {
     )
 }
 
-fn scene() -> Result<Scene> {
+/// The demo's scene.
+pub fn scene() -> Result<Scene> {
     let read = |(name, bytes): (&str, &[u8])| decode_image(name, bytes, &ReadOptions::default());
     let names = [BACKGROUND.0, PATCH.0].map(str::to_owned);
     let mask = Some((MASK.0.to_owned(), read(MASK)?));

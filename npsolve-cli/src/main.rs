@@ -21,6 +21,7 @@ mod picture_kind;
 mod progress;
 mod render;
 mod report;
+mod reproduce;
 mod scene;
 mod solve;
 mod values;
@@ -66,5 +67,6 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Render(args) => render::run(args, cli.quiet),
         Command::Inspect(args) => inspect::run(args),
         Command::Demo(args) => demo::run(args, cli.quiet),
+        Command::Reproduce(args) => reproduce::run(args, cli.quiet),
     }
 }

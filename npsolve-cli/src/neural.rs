@@ -7,11 +7,11 @@ use std::time::Instant;
 use anyhow::{Result, anyhow, bail};
 use inr_core::{
     Architecture, Checkpoint, Domain, Encoding, Field, Frame, Interpolation, Network, Output,
-    Samples, TrainOptions, Trainer,
+    Samples, Spline, TrainOptions, Trainer,
 };
 use poisson_loss::{
-    Blend, Metrics, NeuralOptions, PaperOptions, PaperWeights, Patch, Problem, box_spline, insert,
-    measure, neural_box, solve_with_progress, train_blend, train_paper,
+    Blend, Metrics, NeuralOptions, PaperOptions, PaperWeights, Patch, Problem, insert, measure,
+    neural_box, solve_with_progress, train_blend, train_paper,
 };
 
 use crate::args::{BlendArgs, ObjectiveName};
@@ -245,7 +245,7 @@ impl Job<'_> {
             Wanted::New(FieldKind::Grid) if self.args.table_rows.is_none() => {
                 let architecture = Architecture::spline_grid(&on.shape(), C);
                 let mut network = Network::new(architecture, Frame::of_samples(on), output, 1)?;
-                network.load_spline(&box_spline(&exact.samples, on))?;
+                network.load_spline(&Spline::interpolate(&exact.samples))?;
                 Ok((
                     network,
                     TrainOptions { rate: 1e-4, table_rate: 1e-5, ..TrainOptions::default() },

@@ -121,8 +121,6 @@ pub use neural::{
     ColorTerm, DiscreteMinimum, PaperBlend, PaperLoss, PaperOptions, PaperProgress, PaperSignals,
     PaperStart, PaperWeights, Stencil, discrete_minimum, paper_loss, train_paper,
 };
-pub use neural::{
-    NeuralOptions, NeuralProgress, NeuralReport, box_spline, insert, neural_box, train_blend,
-};
+pub use neural::{NeuralOptions, NeuralProgress, NeuralReport, insert, neural_box, train_blend};
 pub use objective::{Objective, Options};
 pub use problem::{Patch, Problem};

@@ -5,15 +5,14 @@ mod stage;
 
 use std::time::{Duration, Instant};
 
-use inr_core::{Domain, Field, Jet, Lattice, Order, Samples, Spline, Trainer};
+use inr_core::{Domain, Field, Jet, Lattice, Order, Samples, Trainer};
 
-use crate::problem::copy_box;
 use crate::{Blend, Error, Problem, Result};
 use stage::Stage;
 
 pub use paper::{
-    ColorTerm, DiscreteMinimum, PaperBlend, PaperLoss, PaperOptions, PaperProgress, PaperSignals, PaperStart,
-    PaperWeights, Stencil, discrete_minimum, paper_loss, train_paper,
+    ColorTerm, DiscreteMinimum, PaperBlend, PaperLoss, PaperOptions, PaperProgress, PaperSignals,
+    PaperStart, PaperWeights, Stencil, discrete_minimum, paper_loss, train_paper,
 };
 
 /// When a neural blend ends, and how it gets there.
@@ -53,9 +52,9 @@ pub struct NeuralProgress {
     /// Mean of the loss over the last batches, per sample: first of the distance in the objective's norm, then
     /// of the objective.
     pub loss: f64,
-    /// Root mean square of what the gradient misses of the exact solution's, per reference pitch.
+    /// Root mean square, over channels too, of what the gradient misses of the exact solution's, per reference pitch.
     pub residual: f64,
-    /// Root mean square distance to the exact solution, in units of the values.
+    /// Root mean square distance to the exact solution, over channels too, in units of the values.
     pub distance: f64,
 }
 
@@ -139,6 +138,7 @@ pub fn train_blend<const D: usize, const C: usize>(
             stage.loss(half, &indices[first..], y, y_bar, distill)
         };
         let scale = 1.0 / indices.len().max(1) as f64;
+        let per_channel = scale / C as f64;
         let sums = stage.with_sums(|| trainer.accumulate(&x, Order::Jet, &loss));
         // Means over about ten batches.
         let taken = step - first;
@@ -148,8 +148,8 @@ pub fn train_blend<const D: usize, const C: usize>(
             progress,
             seconds: begin.elapsed().as_secs_f64(),
             loss: mean(last.loss, sums.loss * scale),
-            residual: mean(last.residual, (sums.gradient * scale).sqrt()),
-            distance: mean(last.distance, (sums.value * scale).sqrt()),
+            residual: mean(last.residual, (sums.gradient * per_channel).sqrt()),
+            distance: mean(last.distance, (sums.value * per_channel).sqrt()),
         };
         // A network that begins there needs no training; one that comes there has to stay a while.
         let close =
@@ -164,23 +164,6 @@ pub fn train_blend<const D: usize, const C: usize>(
         trainer.step(sums.loss * scale, progress)?;
     }
     Ok(NeuralReport { last, staging })
-}
-
-/// The spline through samples on a part of their lattice: what lies around that part is taken into account.
-///
-/// # Panics
-/// If `on` is not a part of the samples' lattice.
-pub fn box_spline<const D: usize, const C: usize>(
-    samples: &Samples<D, C>,
-    on: &Domain<D>,
-) -> Spline<D, C> {
-    let whole = Spline::interpolate(samples);
-    let (shape, start) = (samples.domain().shape(), first_sample(samples.domain(), on));
-    let lo = start.map(|v| v as isize);
-    let planes = (0..C)
-        .flat_map(|c| copy_box(whole.coefficients().plane(c), shape, lo, on.shape(), |_, _| None));
-    let cropped = Samples::from_planar(*on, planes.collect()).expect("C planes of the box");
-    Spline::from_coefficients(cropped)
 }
 
 /// Where a part of a lattice begins in it.

@@ -1,13 +1,13 @@
 //! Blends as networks: the loss they are trained with, where they begin, and where they end.
 
 use inr_core::{
-    Adam, Architecture, Domain, Frame, Interpolation, Network, Output, Samples, TrainOptions,
-    Trainer,
+    Adam, Architecture, Domain, Frame, Interpolation, Network, Output, Samples, Spline,
+    TrainOptions, Trainer,
 };
 use npsolve_tests::signals::{ball, textured};
 use poisson_loss::{
-    Blend, Error, Guidance, NeuralOptions, Objective, Options, Patch, Problem, box_spline, insert,
-    measure, neural_box, solve, train_blend,
+    Blend, Error, Guidance, NeuralOptions, Objective, Options, Patch, Problem, insert, measure,
+    neural_box, solve, train_blend,
 };
 
 const SHAPE: [usize; 2] = [46, 38];
@@ -49,7 +49,7 @@ fn spline_network(exact: &Blend<2, 2>, on: &Domain<2>) -> Network<2, 2> {
     let architecture = Architecture::spline_grid(&on.shape(), 2);
     let frame = Frame::of_samples(on);
     let mut network = Network::new(architecture, frame, Output::of_range(0.0, 1.0), 1).unwrap();
-    network.load_spline(&box_spline(&exact.samples, on)).unwrap();
+    network.load_spline(&Spline::interpolate(&exact.samples)).unwrap();
     network
 }
 

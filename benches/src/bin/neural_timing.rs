@@ -79,8 +79,7 @@ fn main() {
                 .expect("good numbers");
         let mut network = network;
         if kind == "spline-grid" {
-            let crop = exact.samples.clone();
-            let spline = poisson_loss::box_spline(&crop, &on);
+            let spline = Spline::interpolate(&exact.samples);
             network.load_spline(&spline).expect("a spline grid");
         }
         let parameters = network.parameter_count();

@@ -1,44 +1,38 @@
 use super::Network;
-use super::architecture::{Alignment, Encoding, Interpolation};
+use super::architecture::{Alignment, Encoding, Interpolation, Level};
 use super::layers;
-use crate::{Error, Frame, Result, Spline, mirror};
+use crate::{Error, Result, Spline, mirror};
 
 impl<const D: usize, const C: usize> Network<D, C> {
-    /// Makes the network equal to a spline between its outermost samples: the spline's coefficients go into the
-    /// finest level, the linear map past the layers picks them out, and the last layer of the perceptron begins at
-    /// zero. From there it can be trained; nothing of the spline is lost before.
+    /// Makes the network equal to a spline within its frame: the spline's coefficients go into the finest level, the
+    /// linear map past the layers picks them out, and the last layer of the perceptron begins at zero. From there it
+    /// can be trained; nothing of the spline is lost before.
     ///
-    /// For networks of [`Architecture::spline_grid`](crate::Architecture::spline_grid).
+    /// For networks of [`Architecture::spline_grid`](crate::Architecture::spline_grid), in the frame
+    /// [`Frame::of_samples`](crate::Frame::of_samples) of the spline's lattice or of a part of it.
     ///
     /// # Errors
     /// [`Error::NoSplineLevel`] if the network has no such level or map, or another frame.
     pub fn load_spline(&mut self, spline: &Spline<D, C>) -> Result<()> {
-        let domain = *spline.domain();
-        let nodes: Vec<usize> = domain.shape().iter().map(|n| n + 2).collect();
-        let (Encoding::Grid(grid), Some(bypass)) =
-            (&self.architecture.encoding, self.layers.bypass())
-        else {
-            return Err(Error::NoSplineLevel { nodes });
-        };
-        let level =
-            grid.levels.iter().position(|l| l.nodes == nodes && l.node_count() == Some(l.rows));
+        let (first_knot, nodes) = self.knots(spline);
+        let no_level = || Error::NoSplineLevel { nodes: nodes.to_vec() };
+        let Encoding::Grid(grid) = &self.architecture.encoding else { return Err(no_level()) };
+        let bypass = self.layers.bypass().ok_or_else(no_level)?;
         let fits = grid.interpolation == Interpolation::Cubic
             && grid.alignment == Alignment::Vertices
-            && grid.features >= C
-            && self.frame == Frame::of_samples(&domain);
-        let Some(level) = level.filter(|_| fits) else {
-            return Err(Error::NoSplineLevel { nodes });
-        };
+            && grid.features >= C;
+        let holds = |l: &Level| l.nodes == nodes && l.node_count() == Some(l.rows);
+        let level = grid.levels.iter().position(holds).filter(|_| fits).ok_or_else(no_level)?;
+        let first_knot = first_knot.ok_or_else(no_level)?;
         let features = grid.features;
         let first: usize = grid.levels[..level].iter().map(|l| l.rows * features).sum();
-        let rows = nodes.iter().product::<usize>();
-        for row in 0..rows {
-            // Node 0 lies one sample before the first; beyond the outermost samples a spline is its mirror image.
+        let shape = spline.domain().shape();
+        for row in 0..nodes.iter().product::<usize>() {
+            // Node 0 lies one knot before the frame; beyond the outermost knots a spline is its mirror image.
             let (mut rest, mut at, mut stride) = (row, 0, 1);
             for d in 0..D {
-                let n = domain.shape()[d];
-                at += mirror((rest % nodes[d]) as isize - 1, n) * stride;
-                (rest, stride) = (rest / nodes[d], stride * n);
+                at += mirror((rest % nodes[d]) as isize - 1 + first_knot[d], shape[d]) * stride;
+                (rest, stride) = (rest / nodes[d], stride * shape[d]);
             }
             for c in 0..C {
                 let value = spline.coefficients().plane(c)[at];
@@ -57,6 +51,27 @@ impl<const D: usize, const C: usize> Network<D, C> {
         params[weights].fill(0.0);
         params[bias].fill(0.0);
         Ok(())
+    }
+
+    /// The knot at the lower end of the frame, if there is one, and the nodes that a level with a node per knot needs.
+    fn knots(&self, spline: &Spline<D, C>) -> (Option<[isize; D]>, [usize; D]) {
+        /// Knots: rounding of positions in f32.
+        const SLACK: f32 = 1e-2;
+        let (pitch, frame) = (spline.domain().pitch(), &self.frame);
+        let low = std::array::from_fn(|d| frame.center[d] - frame.half[d]);
+        let first = spline.domain().to_index(&low);
+        // A single sample has a frame of one pitch around it.
+        let cells: [f32; D] = std::array::from_fn(|d| 2.0 * frame.half[d] / pitch[d]);
+        let single = |d: usize| spline.domain().shape()[d] == 1;
+        let on_knots = (0..D).all(|d| {
+            single(d)
+                || ((first[d] - first[d].round()).abs() < SLACK
+                    && (cells[d] - cells[d].round()).abs() < SLACK)
+        });
+        let knot = first.map(|i| i.round() as isize);
+        let nodes =
+            std::array::from_fn(|d| if single(d) { 3 } else { cells[d].round() as usize + 3 });
+        (on_knots.then_some(knot), nodes)
     }
 }
 

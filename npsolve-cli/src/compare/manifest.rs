@@ -23,33 +23,43 @@ struct Manifest {
     blend_2d: Vec<serde_json::Value>,
 }
 
+/// One scene of a manifest; paths are relative to the file.
 #[derive(Deserialize)]
-struct Entry {
-    name: String,
-    background: PathBuf,
-    patch: PathBuf,
+pub struct Entry {
+    /// Its name.
+    pub name: String,
+    /// The picture to paste into.
+    pub background: PathBuf,
+    /// The picture to paste.
+    pub patch: PathBuf,
     /// Without masks the patch's alpha, or the whole patch, is the region.
     #[serde(default)]
-    masks: BTreeMap<String, PathBuf>,
-    offset: [f32; 2],
+    pub masks: BTreeMap<String, PathBuf>,
+    /// Where the patch's first pixel goes.
+    pub offset: [f32; 2],
     /// Without names the guidance of the command line.
     #[serde(default)]
     guidance: Vec<String>,
 }
 
-/// Runs all scenes. Bad ones are reported, the others go on, and the command fails at the end.
-pub fn run(path: &Path, args: &CompareArgs, quiet: bool) -> Result<()> {
+/// The folder that paths are relative to, and the scenes, not yet looked at.
+pub fn read(path: &Path) -> Result<(&Path, Vec<serde_json::Value>)> {
     let text = fs::read_to_string(path)
         .with_context(|| format!("cannot read {}; check the path", path.display()))?;
     let manifest: Manifest = serde_json::from_str(&text).with_context(|| {
         format!("{} is not a list of scenes; it needs a JSON list \"blend_2d\"", path.display())
     })?;
-    let folder = path.parent().unwrap_or(Path::new(""));
+    Ok((path.parent().unwrap_or(Path::new("")), manifest.blend_2d))
+}
+
+/// Runs all scenes. Bad ones are reported, the others go on, and the command fails at the end.
+pub fn run(path: &Path, args: &CompareArgs, quiet: bool) -> Result<()> {
+    let (folder, scenes) = read(path)?;
     let mut all =
         Run { args, folder, tables: Vec::new(), failures: 0, print: !quiet && !args.json };
     all.check_targets()?;
     all.say(&header())?;
-    for (k, value) in manifest.blend_2d.into_iter().enumerate() {
+    for (k, value) in scenes.into_iter().enumerate() {
         match serde_json::from_value::<Entry>(value) {
             Ok(entry) => all.scene(&entry)?,
             Err(e) => all.fail(&anyhow!("scene {} of {}: {e}", k + 1, path.display())),

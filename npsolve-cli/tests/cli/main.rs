@@ -6,5 +6,6 @@ mod compare;
 mod field_errors;
 mod fit;
 mod inspect;
+mod reproduce;
 mod render;
 mod support;
