@@ -43,6 +43,10 @@ pub struct FitReport {
     pub reached: bool,
 }
 
+/// Losses, relative to the peak's square, that are all as good as the lowest: with the trainer's factor of a hundred
+/// nothing above 20 dB is a divergence. Flat signals begin with almost no error, and any step is a rise from there.
+const NEGLIGIBLE: f64 = 1e-4;
+
 /// Trains the network on the values of a gridded signal, by least squares.
 ///
 /// `report` is called after each step; if it returns false, the fit stops there and can be resumed from the trainer.
@@ -60,6 +64,7 @@ pub fn fit<const D: usize, const C: usize>(
     let (mut indices, mut x) = (Vec::new(), Vec::new());
     let (before, peak) = (trainer.watch.seconds, options.peak);
     let mut measured = None;
+    trainer.negligible = NEGLIGIBLE;
     while trainer.steps() < options.steps {
         let spent = before + begin.elapsed().as_secs_f64();
         let of_time = options.budget.map_or(0.0, |b| spent / b.as_secs_f64().max(1e-9));

@@ -66,6 +66,8 @@ pub struct Trainer<const D: usize, const C: usize> {
     /// Running mean of the loss, and its lowest value so far.
     pub(super) mean: Option<f64>,
     pub(super) lowest: f64,
+    /// Losses below this are all as good as the lowest.
+    pub(super) negligible: f64,
     pub(super) watch: Watch,
     good: Option<(Vec<f32>, Adam)>,
 }
@@ -95,6 +97,7 @@ impl<const D: usize, const C: usize> Trainer<D, C> {
             gradient,
             mean: None,
             lowest: f64::INFINITY,
+            negligible: 0.0,
             watch: Watch::default(),
             good: None,
         }
@@ -127,7 +130,7 @@ impl<const D: usize, const C: usize> Trainer<D, C> {
     /// are back at the last good state then.
     pub fn step(&mut self, loss: f64, progress: f64) -> Result<()> {
         let mean = self.mean.map_or(loss, |mean| mean + NEWEST * (loss - mean));
-        if !mean.is_finite() || mean > DIVERGED * self.lowest {
+        if !mean.is_finite() || mean > DIVERGED * self.lowest.max(self.negligible) {
             let step = self.adam.steps;
             if let Some((params, adam)) = self.good.take() {
                 self.network.params_mut().copy_from_slice(&params);
@@ -152,7 +155,7 @@ impl<const D: usize, const C: usize> Trainer<D, C> {
 
     /// Forgets earlier losses, which divergence is judged by: for a loss that means something else from here on.
     pub fn forget_losses(&mut self) {
-        (self.mean, self.lowest) = (None, f64::INFINITY);
+        (self.mean, self.lowest, self.negligible) = (None, f64::INFINITY, 0.0);
         (self.watch.recent, self.watch.next_check) = (None, 0);
     }
 

@@ -98,7 +98,7 @@ pub struct Unfinished<const C: usize> {
 
 impl<const C: usize> Unfinished<C> {
     /// Reads the file of an unfinished fit of this signal; `signal` names it in messages.
-    pub fn read(path: &PathBuf, signal: &str, fingerprint: &str) -> Result<Self> {
+    pub fn read(path: &Path, signal: &str, fingerprint: &str) -> Result<Self> {
         let file = path.display();
         let bytes = files::read_bytes(path)?;
         let about = field_file::describe(path, &bytes)?;

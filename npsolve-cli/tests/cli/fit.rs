@@ -24,7 +24,7 @@ fn json(folder: &Folder, arguments: &str) -> Value {
 fn every_kind_fits_and_reports_what_is_in_its_file() {
     for (kind, options, enough) in [
         ("grid", "--table-rows 256", 30.0),
-        ("hash", "--table-rows 256 --features 2", 28.0),
+        ("hash", "--table-rows 1024", 28.0),
         ("siren", "--width 24 --omega 10 --rate 5e-3", 25.0),
         ("fourier", "--width 24 --features 16 --sigma 2 --rate 1e-2", 25.0),
         ("diner", "--width 16 --depth 2 --rate 1e-2 --table-rate 3e-2", 25.0),

@@ -6,6 +6,7 @@ mod compare;
 mod field_errors;
 mod fit;
 mod inspect;
+mod neural;
 mod reproduce;
 mod render;
 mod support;
