@@ -24,7 +24,7 @@ pub struct ReproduceArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub steps: Option<u64>,
     /// Shrink scenes to this many pixels on their longest side [default: as they are for table1, guidance and
-    /// mask; 192 for lambda and ablation; 64 with --quick].
+    /// mask; 128 for lambda and ablation; 64 with --quick].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(24..))]
     pub size: Option<u16>,
     /// Few steps on small scenes: everything in seconds, to see that it works.
@@ -74,7 +74,7 @@ impl ReproduceArgs {
 
     /// Pixels on the longest side, if scenes are to be shrunk.
     pub fn longest(&self) -> Option<usize> {
-        let small = matches!(self.figure, Figure::Lambda | Figure::Ablation).then_some(192);
+        let small = matches!(self.figure, Figure::Lambda | Figure::Ablation).then_some(128);
         let usual = if self.quick { Some(64) } else { small };
         self.size.map(usize::from).or(usual)
     }

@@ -1,6 +1,6 @@
 //! The file of a fit: written while it goes on, read when it is taken up again.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};

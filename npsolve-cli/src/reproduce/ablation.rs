@@ -67,7 +67,7 @@ pub fn make(setting: &Setting, args: &ReproduceArgs, meter: &mut Meter) -> Resul
          own variant: colour at the boundary counts there alone, PSNR and m2 always everywhere outside",
         released.steps
     ));
-    let title = format!("Variants of the paper's solver on {}", setting.name);
+    let title = format!("Variants of the released solver on {}", setting.name);
     let picture = panel::draw(&title, &pictures)?;
     Ok(Made {
         table: Table { title, notes, columns, rows: all.iter().map(row).collect() },

@@ -10,12 +10,12 @@ pub fn settings() -> Result<Vec<Setting>> {
     Ok(vec![ball()?, letters()?])
 }
 
-/// A shaded ball from a bright picture into a dark slope.
+/// A shaded ball from a bright picture into a darker slope.
 fn ball() -> Result<Setting> {
     let background = Samples::from_fn(Domain::unit([240, 180])?, |[x, y]| {
-        let light = 0.15 + 0.0012 * x + 0.0006 * y;
+        let light = 0.3 + 0.0012 * x + 0.0006 * y;
         let grain = 0.02 * (0.9 * x).sin() * (0.7 * y).cos();
-        [light + grain, 0.9 * light + grain, 0.3 + 0.6 * light]
+        [light + grain, 0.9 * light + grain, 0.25 + 0.6 * light]
     });
     let small = Domain::unit([96, 96])?;
     let from_middle = |[x, y]: [f32; 2]| [(x - 47.5) / 36.0, (y - 47.5) / 36.0];
@@ -23,9 +23,9 @@ fn ball() -> Result<Setting> {
         let [u, v] = from_middle(x);
         let r = u.hypot(v);
         let height = (1.0 - r * r).max(0.0).sqrt();
-        let shade = 0.15 + 0.6 * (0.4 * height - 0.5 * u - 0.6 * v).max(0.0);
-        let ball = [0.95 * shade, 0.55 * shade, 0.3 * shade];
-        let sky = [0.75 + 0.05 * v, 0.78, 0.7 + 0.04 * u];
+        let shade = 0.45 + 0.5 * (0.4 * height - 0.5 * u - 0.6 * v).max(0.0);
+        let ball = [0.95 * shade, 0.7 * shade, 0.5 * shade];
+        let sky = [0.6 + 0.03 * v, 0.62, 0.6 + 0.03 * u];
         if r < 1.0 { ball } else { sky }
     });
     let inside = |k: usize| {

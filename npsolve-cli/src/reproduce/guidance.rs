@@ -58,7 +58,7 @@ pub fn make(setting: &Setting, meter: &mut Meter) -> Result<Made> {
         ("inputs".to_owned(), inputs),
         ("results: screened objective, exact".to_owned(), results),
         (format!("the gradient to follow, x {GAIN}"), followed),
-        (format!("the result's gradient, x {GAIN}"), reached),
+        (format!("gradient of the result, x {GAIN}"), reached),
     ];
     let mut columns = vec![Column { key: "guidance", head: "guidance", format: Format::Text }];
     columns.extend(solvers::columns());

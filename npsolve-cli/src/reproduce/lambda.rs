@@ -48,9 +48,9 @@ pub fn make(setting: &Setting, args: &ReproduceArgs, meter: &mut Meter) -> Resul
         rows[2].push(ours);
     }
     let heads = [
-        "the paper's objective, exact among splines",
-        "the paper's solver: DINER on pixel differences",
-        "the screened objective, exact; lengths in pixels",
+        "paper: exact among splines",
+        "paper: DINER on pixel differences",
+        "screened: exact among splines; lengths in pixels",
     ];
     let mut pictures = Vec::new();
     for (head, row) in heads.iter().zip(&rows) {

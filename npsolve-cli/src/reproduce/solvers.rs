@@ -88,7 +88,7 @@ impl<'a> Bench<'a> {
 
     /// The paper's discrete loss at its least.
     pub fn least(&self) -> Result<Scored> {
-        self.score("minimum of the loss", self.minimum.0.samples.clone(), self.minimum.1)
+        self.score("paper, minimum of loss", self.minimum.0.samples.clone(), self.minimum.1)
     }
 
     /// Classical Poisson editing.
@@ -103,7 +103,7 @@ impl<'a> Bench<'a> {
         let options = Options { objective: Objective::Paper { lambda }, ..self.problem.options };
         let begin = Instant::now();
         let blend = solve(&Problem { options, ..self.problem.clone() })?;
-        self.score("paper's objective, exact", blend.samples, begin.elapsed().as_secs_f64())
+        self.score("paper, exact spline", blend.samples, begin.elapsed().as_secs_f64())
     }
 
     /// The paper's solver.
@@ -158,12 +158,12 @@ pub fn columns() -> Vec<Column> {
         ("seconds", "seconds", Format::Fixed(2)),
         ("m1", "m1", Format::Power),
         ("m2", "m2", Format::Power),
-        ("m1_paper", "m1 paper", Format::Fixed(4)),
-        ("m2_paper", "m2 paper", Format::Fixed(4)),
+        ("m1_paper", "m1 paper", Format::Significant),
+        ("m2_paper", "m2 paper", Format::Significant),
         ("excess_screened", "excess", Format::Percent),
-        ("l_grad", "L_grad", Format::Fixed(4)),
-        ("l_color", "L_color", Format::Fixed(4)),
-        ("loss", "loss", Format::Fixed(4)),
+        ("l_grad", "L_grad", Format::Significant),
+        ("l_color", "L_color", Format::Significant),
+        ("loss", "loss", Format::Significant),
         ("excess_loss", "excess", Format::Percent),
         ("seam_rms_levels", "seam", Format::Fixed(2)),
         ("seam_max_levels", "max", Format::Fixed(1)),
@@ -199,6 +199,6 @@ impl Scored {
     /// A line below a picture.
     pub fn caption(&self) -> String {
         let m = &self.metrics;
-        format!("m1 {:.3} m2 {:.3} seam {:.2}", m.m1_paper, m.m2_paper, 255.0 * m.seam_rms)
+        format!("m1 {:.4} m2 {:.4} seam {:.2}", m.m1_paper, m.m2_paper, 255.0 * m.seam_rms)
     }
 }

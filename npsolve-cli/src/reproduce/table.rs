@@ -23,6 +23,8 @@ pub enum Format {
     Fixed(usize),
     /// Three significant digits and a power of ten.
     Power,
+    /// Three significant digits, without a power of ten where the number is at least 1e-4.
+    Significant,
     /// A share, shown in percent.
     Percent,
 }
@@ -167,6 +169,11 @@ fn shown(entry: &Cell, format: Format) -> String {
         Format::Text => value.to_string(),
         Format::Fixed(digits) => format!("{value:.digits$}"),
         Format::Power => format!("{value:.2e}"),
+        Format::Significant if value != 0.0 && value.abs() < 1e-4 => format!("{value:.2e}"),
+        Format::Significant => {
+            let digits = (2.0 - value.abs().max(1e-4).log10().floor()).clamp(0.0, 6.0) as usize;
+            format!("{value:.digits$}")
+        }
         Format::Percent => match 100.0 * value {
             v if v.abs() < 1e-3 => "0 %".to_owned(),
             v if v.abs() < 10.0 => format!("{v:.2} %"),

@@ -7,6 +7,6 @@ mod field_errors;
 mod fit;
 mod inspect;
 mod neural;
-mod reproduce;
 mod render;
+mod reproduce;
 mod support;

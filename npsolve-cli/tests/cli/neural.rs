@@ -28,7 +28,10 @@ fn a_grid_is_the_exact_blend_as_a_picture_and_as_a_file() {
     let folder = Folder::with_scene();
     folder.run(&format!("{BLEND} -o exact.exr")).ok();
     let report = metrics(&folder, &format!("{BLEND} --field grid -o grid.exr"));
-    assert_eq!((&report["solver"], &report["network"]["steps"]), (&"grid-screened".into(), &0.into()));
+    assert_eq!(
+        (&report["solver"], &report["network"]["steps"]),
+        (&"grid-screened".into(), &0.into())
+    );
     assert!(report["excess_energy"].as_f64().unwrap() < 1e-3, "{report}");
     // Half floats of values below 1, and an exact solution to 1e-4.
     assert!(largest_difference(&read(&folder, "exact.exr"), &read(&folder, "grid.exr")) < 2e-3);
@@ -47,7 +50,8 @@ fn networks_blend_into_a_network_of_the_backgrounds_kind() {
     folder.picture("mask.png", &disc(24, 20), SampleType::U8);
     folder.run("fit s.png -o s.safetensors --table-rows 1024 --steps 300").ok();
     folder.run("fit t.png -o t.safetensors --field siren --width 32 --omega 10 --rate 5e-3 --steps 200").ok();
-    let command = "blend s.safetensors t.safetensors --mask mask.png --at 11,9 --steps 300 -o g.safetensors";
+    let command =
+        "blend s.safetensors t.safetensors --mask mask.png --at 11,9 --steps 300 -o g.safetensors";
     let report = metrics(&folder, command);
     assert!(report["network"]["distance"].as_f64().unwrap() < 0.02, "{report}");
     let load = |name: &str| {

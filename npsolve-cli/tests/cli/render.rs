@@ -127,8 +127,8 @@ fn gradients_are_those_of_the_picture() {
 fn a_field_can_be_enlarged_and_reduced() {
     let image = smooth(26, 18, 3, 0.4);
     let folder = fitted(&image, "png", SampleType::U8);
-    folder.run("render f.safetensors -o half.npy --scale 0.5").ok();
-    folder.run("render f.safetensors -o whole.npy").ok();
+    folder.run("render f.safetensors -o half.npy --scale 0.5 --depth f32").ok();
+    folder.run("render f.safetensors -o whole.npy --depth f32").ok();
     let (half, whole) = (read(&folder, "half.npy"), read(&folder, "whole.npy"));
     // Twice as coarse: the mean of the four samples on the fine lattice, which are those of the signal.
     for (x, y, c) in [(0, 0, 0), (12, 8, 2), (5, 3, 1)] {
