@@ -82,7 +82,8 @@ fn the_ablation_ruins_the_background() {
         let row = rows.iter().find(|r| r["variant"] == name).unwrap();
         row["psnr_outside"].as_f64().unwrap()
     };
-    assert!(noise("released") > noise("colour at boundary") + 3.0, "{rows:?}");
+    // So few steps are enough from the background; a random start needs thousands to get there.
+    assert!(noise("from S") > noise("colour at boundary, from S") + 10.0, "{rows:?}");
 }
 
 #[test]
