@@ -1,6 +1,7 @@
 //! Fits a picture with a field kind and prints PSNR over time, one JSON line per report and one at the end.
 //!
-//! `fit_timing PICTURE KIND [SECONDS [TARGET_DB [ROWS]]]`, KIND: hash, grid, siren, fourier, diner, diner-cubic.
+//! `fit_timing PICTURE KIND [SECONDS [TARGET_DB [ROWS [RATE TABLE_RATE BATCH]]]]`, KIND: hash, grid, siren, fourier,
+//! diner, diner-cubic. Without a target (0) the schedule is laid over the seconds.
 
 use std::time::Duration;
 
