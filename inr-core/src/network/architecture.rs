@@ -201,20 +201,14 @@ impl Architecture {
     ///
     /// Source: Müller et al. 2022, section 3.
     pub fn hash(shape: &[usize], rows: usize) -> Self {
-        let finest: Vec<usize> = shape.iter().map(|n| (1.4 * *n as f64).round() as usize).collect();
-        let coarsest = if shape.len() > 2 { 16.0 } else { 64.0 };
-        let levels = pyramid(&finest, coarsest, 1.8, 1, rows);
-        Self::grid_of(Interpolation::Linear, levels, 8, Activation::Relu)
+        Self::grid_of(Interpolation::Linear, fine_levels(shape, 1, rows), 8, Activation::Relu)
     }
 
     /// Cubic B-spline grid and a SiLU network of two layers of 64: the choice where gradients count.
     ///
-    /// `shape` and `rows` as in [`Architecture::hash`]; levels grow by 2 from 8 cells to half the longest
-    /// side.
+    /// `shape`, `rows` and the levels as in [`Architecture::hash`].
     pub fn grid(shape: &[usize], rows: usize) -> Self {
-        let half: Vec<usize> = shape.iter().map(|n| n.div_ceil(2)).collect();
-        let levels = pyramid(&half, 8.0, 2.0, 3, rows);
-        Self::grid_of(Interpolation::Cubic, levels, 4, Activation::Silu)
+        Self::grid_of(Interpolation::Cubic, fine_levels(shape, 3, rows), 8, Activation::Silu)
     }
 
     /// A network that can hold the cubic spline through the samples of a signal exactly, and coarser cubic levels
@@ -375,6 +369,13 @@ impl Level {
     pub(crate) fn node_count(&self) -> Option<usize> {
         self.nodes.iter().try_fold(1usize, |n, m| n.checked_mul(*m))
     }
+}
+
+/// The levels of [`Architecture::hash`].
+fn fine_levels(shape: &[usize], extra: usize, rows: usize) -> Vec<Level> {
+    let finest: Vec<usize> = shape.iter().map(|n| (1.4 * *n as f64).round() as usize).collect();
+    let coarsest = if shape.len() > 2 { 16.0 } else { 64.0 };
+    pyramid(&finest, coarsest, 1.8, extra, rows)
 }
 
 /// Levels from `coarsest` cells on the longest side, each `growth` times finer, to `shape` cells; every

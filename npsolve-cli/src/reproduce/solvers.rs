@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use anyhow::{Result, anyhow};
-use inr_core::{Architecture, Frame, Network, Output, Samples, TrainOptions, Trainer};
+use inr_core::{Architecture, Frame, Network, Output, Samples, Spline, TrainOptions, Trainer};
 use poisson_loss::{
     Baseline, Blend, DiscreteMinimum, Metrics, NeuralOptions, Objective, Options, PaperLoss,
     PaperOptions, Problem, discrete_minimum, insert, measure, neural_box, paper_loss, solve,
@@ -26,9 +26,6 @@ pub const OPERATORS: [&str; 3] = [
 
 /// Samples over which the network of [`grid`] fades into the background.
 const FADE: usize = 8;
-/// Rows of its tables at most, and its steps.
-const GRID_ROWS: usize = 1 << 15;
-const GRID_STEPS: u64 = 2000;
 
 /// A problem with the exact minima that results are compared with.
 pub struct Bench<'a> {
@@ -119,26 +116,23 @@ impl<'a> Bench<'a> {
     }
 
     /// Ours as a network.
-    pub fn grid(&self, steps: u64) -> Result<Scored> {
+    pub fn grid(&self) -> Result<Scored> {
         let begin = Instant::now();
-        let samples = grid(&self.problem, &self.exact.0, steps.min(GRID_STEPS))?;
+        let samples = grid(&self.problem, &self.exact.0)?;
         self.score("ours, grid network", samples, self.exact.1 + begin.elapsed().as_secs_f64())
     }
 }
 
-/// A multi-resolution network that is trained to be the blend, on the box that changes.
-fn grid(problem: &Problem<'_, 2, 3>, exact: &Blend<2, 3>, steps: u64) -> Result<Samples<2, 3>> {
+/// The blend as a network, on the box that changes: it begins at the exact solution, as `blend --field grid` does.
+fn grid(problem: &Problem<'_, 2, 3>, exact: &Blend<2, 3>) -> Result<Samples<2, 3>> {
     let on = neural_box(problem, exact);
-    let (low, high) = exact
-        .samples
-        .as_planar()
-        .iter()
-        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
-    let architecture = Architecture::grid(&on.shape(), GRID_ROWS);
-    let output = Output::of_range(low, high.max(low + 1e-3));
-    let network = Network::new(architecture, Frame::of_cells(&on), output, 1)?;
-    let mut trainer = Trainer::new(network, TrainOptions::default());
-    let options = NeuralOptions { steps, ..NeuralOptions::default() };
+    let (architecture, output) =
+        (Architecture::spline_grid(&on.shape(), 3), Output::of_range(0.0, 1.0));
+    let mut network = Network::new(architecture, Frame::of_samples(&on), output, 1)?;
+    network.load_spline(&Spline::interpolate(&exact.samples))?;
+    let train = TrainOptions { rate: 1e-4, table_rate: 1e-5, ..TrainOptions::default() };
+    let mut trainer = Trainer::new(network, train);
+    let options = NeuralOptions { distill: 0.0, tolerance: Some(1e-3), ..NeuralOptions::default() };
     train_blend(problem, exact, &on, &mut trainer, &options, |_| true)?;
     Ok(insert(problem.background, &trainer.network, &on, FADE))
 }

@@ -78,6 +78,6 @@ fn case(
         bench.least()?,
         bench.paper_spline(solvers::released_lambda(setting)?)?,
         bench.ours()?,
-        bench.grid(paper.steps)?,
+        bench.grid()?,
     ])
 }
