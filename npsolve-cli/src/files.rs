@@ -125,10 +125,10 @@ pub fn in_our_words(error: Error) -> anyhow::Error {
                 () if what.contains("samples") => "choose another --depth or extension",
                 () => &instead,
             };
-            anyhow!("{}: {} cannot hold {what}; {next}", path.display(), format.name())
+            anyhow!("{}: {format} cannot hold {what}; {next}", path.display())
         }
         Error::TooLarge { path, needed, limit } => anyhow!(
-            "{} needs at least {needed} bytes and the limit is {limit}; use a smaller picture",
+            "{} needs at least {needed} bytes and the limit is {limit}; use a smaller file",
             path.display()
         ),
         other => other.into(),

@@ -1,7 +1,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::{Format, SampleType};
+use crate::SampleType;
 
 /// What can be wrong with a file, a request or a picture.
 ///
@@ -37,27 +37,27 @@ pub enum Error {
         known: &'static str,
     },
     /// The format is known, but the file uses a part of it that is not read.
-    #[error("{}: {} with {what} is not supported; convert the file to PNG, TIFF or EXR with ordinary channels", path.display(), format.name())]
+    #[error("{}: {format} with {what} is not supported; convert the file to a plainer one", path.display())]
     UnsupportedFeature {
         /// The file.
         path: PathBuf,
-        /// Its format.
-        format: Format,
+        /// The name of its format.
+        format: &'static str,
         /// The part that is not read.
         what: String,
     },
     /// The file is damaged, cut short, or not what it claims to be.
-    #[error("{} is not a valid {} file: {reason}; copy or export it again", path.display(), format.name())]
+    #[error("{} is not a valid {format} file: {reason}; copy or export it again", path.display())]
     Corrupt {
         /// The file.
         path: PathBuf,
-        /// The format that was expected.
-        format: Format,
+        /// The name of the format that was expected.
+        format: &'static str,
         /// What is wrong.
         reason: String,
     },
     /// The decoded picture, or the file itself, would exceed the limit.
-    #[error("{} needs at least {needed} bytes and the limit is {limit}; raise the limit or use a smaller picture", path.display())]
+    #[error("{} needs at least {needed} bytes and the limit is {limit}; raise the limit or use a smaller file", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,
@@ -67,7 +67,7 @@ pub enum Error {
         limit: u64,
     },
     /// The limit allows the picture, the machine does not.
-    #[error("{} needs {needed} bytes of memory, which this machine cannot give; use a smaller picture", path.display())]
+    #[error("{} needs {needed} bytes of memory, which this machine cannot give; use a smaller file", path.display())]
     OutOfMemory {
         /// The file.
         path: PathBuf,
@@ -75,30 +75,30 @@ pub enum Error {
         needed: u64,
     },
     /// The file has no bytes, or its picture no pixels.
-    #[error("{} holds no pixels; choose another file", path.display())]
+    #[error("{} holds no samples; choose another file", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
     },
     /// The format of the target cannot hold the picture as requested.
-    #[error("{}: {} cannot hold {what}; {instead}", path.display(), format.name())]
+    #[error("{}: {format} cannot hold {what}; {instead}", path.display())]
     CannotHold {
         /// The target.
         path: PathBuf,
-        /// Its format.
-        format: Format,
+        /// The name of its format.
+        format: &'static str,
         /// What does not fit.
         what: String,
         /// What to do instead.
         instead: String,
     },
     /// The encoder failed for a reason that is not the file system's.
-    #[error("cannot encode {} as {}: {reason}; try another format", path.display(), format.name())]
+    #[error("cannot encode {} as {format}: {reason}; try another format", path.display())]
     Encode {
         /// The target.
         path: PathBuf,
-        /// Its format.
-        format: Format,
+        /// The name of its format.
+        format: &'static str,
         /// What the encoder says.
         reason: String,
     },
@@ -208,7 +208,7 @@ impl Fault {
     }
 
     /// Adds what the codec did not know.
-    pub(crate) fn at(self, path: &Path, format: Format, action: &'static str) -> Error {
+    pub(crate) fn at(self, path: &Path, format: &'static str, action: &'static str) -> Error {
         let path = path.to_path_buf();
         match self {
             Self::Corrupt(reason) => Error::Corrupt { path, format, reason },

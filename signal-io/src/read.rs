@@ -88,8 +88,8 @@ fn find_format(path: &Path, head: &[u8]) -> Result<Format> {
 
 fn decode(path: &Path, format: Format, bytes: &[u8], options: &ReadOptions) -> Result<Image> {
     let budget = Budget::new(options.limit_bytes);
-    let mut image =
-        codec::decode(format, bytes, &budget).map_err(|fault| fault.at(path, format, "read"))?;
+    let mut image = codec::decode(format, bytes, &budget)
+        .map_err(|fault| fault.at(path, format.name(), "read"))?;
     image.transfer = options.transfer.unwrap_or(image.transfer);
     Ok(image)
 }

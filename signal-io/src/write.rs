@@ -55,9 +55,9 @@ pub fn write_image(
     let path = path.as_ref();
     let plan = make_plan(path, image, options)?;
     let format = plan.format;
-    let prepared = plan.prepare(image).map_err(|f| f.at(path, format, "write"))?;
+    let prepared = plan.prepare(image).map_err(|f| f.at(path, format.name(), "write"))?;
     let clipped = atomic::replace(path, options.force, |writer| {
-        encode(&prepared, &plan, writer).map_err(|f| f.at(path, format, "write"))
+        encode(&prepared, &plan, writer).map_err(|f| f.at(path, format.name(), "write"))
     })?;
     let samples = prepared.color_count() * prepared.pixel_count();
     Ok(WriteReport { format, sample: plan.sample, transfer: plan.transfer, samples, clipped })
@@ -86,7 +86,8 @@ pub fn check_write(path: impl AsRef<Path>, image: &Image, options: &WriteOptions
 fn make_plan(path: &Path, image: &Image, options: &WriteOptions) -> Result<Plan> {
     check_target(path, options.force)?;
     let format = writable_format(path)?;
-    Plan::new(format, &extension(path), image, options).map_err(|f| f.at(path, format, "write"))
+    Plan::new(format, &extension(path), image, options)
+        .map_err(|f| f.at(path, format.name(), "write"))
 }
 
 fn writable_format(path: &Path) -> Result<Format> {

@@ -193,6 +193,6 @@ impl Scored {
     /// A line below a picture.
     pub fn caption(&self) -> String {
         let m = &self.metrics;
-        format!("m1 {:.4} m2 {:.4} seam {:.2}", m.m1_paper, m.m2_paper, 255.0 * m.seam_rms)
+        format!("m1 {:.1e} m2 {:.1e} seam {:.2}", m.m1_paper, m.m2_paper, 255.0 * m.seam_rms)
     }
 }
