@@ -44,3 +44,11 @@ pub fn square(n: usize) -> Square {
     let mask = RasterMask::new(domain, weights).expect("weights of 0 and 1");
     Square { background: waves([n + 256, n + 256], 1.7), patch, mask }
 }
+
+/// The most memory that this process has had, in bytes; 0 where the system does not tell.
+pub fn peak_memory_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+    let kilobytes = line.and_then(|l| l.trim().trim_end_matches(" kB").trim().parse::<u64>().ok());
+    1024 * kilobytes.unwrap_or(0)
+}
