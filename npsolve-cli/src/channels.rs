@@ -3,6 +3,11 @@
 /// Most channels that are solved together.
 pub const MOST: usize = 4;
 
+/// The same for signals over `dimensions` coordinates: three beyond pictures, which keeps the program small.
+pub const fn most(dimensions: usize) -> usize {
+    if dimensions == 2 { MOST } else { 3 }
+}
+
 /// Work on samples with any number of channels.
 pub trait ChannelJob {
     /// What comes out.

@@ -102,7 +102,7 @@ impl ChannelJob for Job<'_> {
                 None => Patch::Samples { samples: &patch, offset },
             },
             region: &region,
-            guidance: self.settings.guidance.to_guidance::<C>(),
+            guidance: self.settings.guidance.to_guidance::<2, C>(),
             options: self.settings.options,
         };
         let begin = Instant::now();
@@ -112,7 +112,7 @@ impl ChannelJob for Job<'_> {
         } else {
             let mut progress = Progress::new(self.quiet);
             let exact = solve_with_progress(&problem, &mut |share| progress.update(share))
-                .map_err(|e| explain(e, scene))?;
+                .map_err(|e| explain(e, &scene.names))?;
             drop(progress);
             self.train(&problem, exact)?
         };
@@ -120,7 +120,7 @@ impl ChannelJob for Job<'_> {
         let metrics = (self.args.json || self.args.metrics.is_some())
             .then(|| measure(&problem, &made.samples, made.exact.as_ref().map(|e| &e.samples)))
             .transpose()
-            .map_err(|e| explain(e, scene))?;
+            .map_err(|e| explain(e, &scene.names))?;
         self.finish(made, metrics, seconds)
     }
 }
@@ -152,7 +152,7 @@ impl Job<'_> {
             progress.update_with(share, || format!("loss {:.3}", now.loss.total));
             budget.is_none_or(|b| begin.elapsed() < b)
         })
-        .map_err(|e| explain(e, self.scene))?;
+        .map_err(|e| explain(e, &self.scene.names))?;
         let solver = poisson_loss::Report {
             iterations: 0,
             residual: 0.0,
@@ -205,7 +205,7 @@ impl Job<'_> {
             true
         });
         drop(progress);
-        let last = result.map_err(|e| explain(e, scene))?.last;
+        let last = result.map_err(|e| explain(e, &scene.names))?.last;
         let samples = insert(problem.background, &trainer.network, &boxed, FADE);
         let report = NetworkReport {
             field: self.name(),

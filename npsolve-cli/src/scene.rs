@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use inr_core::{Network, RasterMask, Samples, Translated};
+use inr_core::{Network, RasterMask, Region, Samples, Translated};
 use signal_io::{Image, Transfer};
 
 use crate::args::{BlendIn, SceneArgs};
 use crate::field_file::{self, FieldFile};
 use crate::files;
 use crate::mask;
+use crate::solve::{Planes, Setup};
 
 /// Everything a blend needs, checked: both pictures have the same colour channels in one encoding.
 pub struct Scene {
@@ -86,6 +87,19 @@ impl Scene {
     /// The region in the background's pixels.
     pub fn region(&self) -> Translated<&RasterMask<2>, 2> {
         Translated { region: &self.mask, offset: self.offset }
+    }
+
+    /// The problem; `region` is [`Scene::region`].
+    pub fn setup<'a>(&'a self, region: &'a dyn Region<2>) -> Setup<'a, 2> {
+        let planes =
+            |image: &'a Image| Planes { domain: image.domain(), values: image.as_planar() };
+        Setup {
+            background: planes(&self.background),
+            patch: planes(&self.patch),
+            region,
+            offset: self.offset,
+            names: &self.names,
+        }
     }
 
     /// The network of the background (0) or the patch (1), if it is one on the picture's own lattice.

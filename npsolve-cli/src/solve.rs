@@ -1,14 +1,15 @@
-//! From a scene to blended planes, for any number of channels.
+//! From a problem to blended planes, for any dimension and number of channels.
 
 use std::time::Instant;
 
 use anyhow::{Result, anyhow, bail};
+use inr_core::{Domain, Region, Samples};
 use poisson_loss::{
     Blend, Error, Metrics, Options, Patch, Problem, Report, measure, solve_with_progress,
 };
 
 use crate::channels::{self, ChannelJob, with_channels};
-use crate::scene::{Scene, samples_of};
+use crate::scene::Scene;
 use crate::values::GuidanceName;
 
 /// How a scene is blended.
@@ -32,70 +33,117 @@ pub struct Solution {
     pub seconds: f64,
 }
 
-/// Blends all channels, in groups of at most [`channels::MOST`].
+/// A problem whose number of channels is known at run time only.
+pub struct Setup<'a, const D: usize> {
+    /// What stays outside.
+    pub background: Planes<'a, D>,
+    /// What goes in, with as many channels.
+    pub patch: Planes<'a, D>,
+    /// Where, in the background's coordinates.
+    pub region: &'a dyn Region<D>,
+    /// Place of the patch in the background, in the units of both domains.
+    pub offset: [f32; D],
+    /// Both files, for messages.
+    pub names: &'a [String; 2],
+}
+
+/// Values on a lattice, one plane after the other.
+#[derive(Clone, Copy)]
+pub struct Planes<'a, const D: usize> {
+    /// The lattice.
+    pub domain: Domain<D>,
+    /// A plane per channel.
+    pub values: &'a [f32],
+}
+
+impl<const D: usize> Planes<'_, D> {
+    /// Number of planes.
+    pub fn channels(&self) -> usize {
+        self.values.len() / self.domain.len()
+    }
+
+    /// `C` channels from channel `first` on.
+    pub fn samples<const C: usize>(&self, first: usize) -> Result<Samples<D, C>> {
+        let n = self.domain.len();
+        let planes = &self.values[first * n..(first + C) * n];
+        Ok(Samples::from_planar(self.domain, planes.to_vec())?)
+    }
+}
+
+impl<const D: usize> Setup<'_, D> {
+    /// Blends all channels, in groups of at most [`channels::MOST`].
+    pub fn solve(
+        &self,
+        settings: &Settings,
+        with_metrics: bool,
+        progress: &mut (dyn FnMut(f32) + Send),
+    ) -> Result<Solution> {
+        let (count, most) = (self.background.channels(), channels::most(D));
+        if count > most && !settings.guidance.is_per_channel() {
+            bail!(
+                "{} has {count} channels, and --guidance {} looks at all of them together, which works \
+                 up to {most}; take strongest:channel, patch, sum or mix:MU,PHI",
+                self.names[0],
+                settings.guidance,
+            );
+        }
+        let mut parts = Vec::new();
+        for first in (0..count).step_by(most) {
+            let size = most.min(count - first);
+            let mut share = |s: f32| progress((first as f32 + s * size as f32) / count as f32);
+            let job = Group { setup: self, settings, first, with_metrics, progress: &mut share };
+            let part = with_channels(size, job)
+                .ok_or_else(|| anyhow!("{} has no channels to blend", self.names[0]))??;
+            parts.push((size, part));
+        }
+        let solution =
+            joined(parts).ok_or_else(|| anyhow!("{} has no channels to blend", self.names[0]))?;
+        if solution.planes.iter().any(|v| !v.is_finite()) {
+            bail!(
+                "blending {} into {} exceeds the range of 32-bit floats; scale both down",
+                self.names[1],
+                self.names[0]
+            );
+        }
+        Ok(solution)
+    }
+}
+
+/// Blends the colour channels of pictures.
 pub fn solve_scene(
     scene: &Scene,
     settings: &Settings,
     with_metrics: bool,
     progress: &mut (dyn FnMut(f32) + Send),
 ) -> Result<Solution> {
-    let count = scene.channels();
-    if count > channels::MOST && !settings.guidance.is_per_channel() {
-        bail!(
-            "{} has {count} channels, and --guidance {} looks at all of them together, which works \
-             up to {}; take strongest:channel, patch, sum or mix:MU,PHI",
-            scene.names[0],
-            settings.guidance,
-            channels::MOST
-        );
-    }
-    let mut parts = Vec::new();
-    for first in (0..count).step_by(channels::MOST) {
-        let size = channels::MOST.min(count - first);
-        let mut share = |s: f32| progress((first as f32 + s * size as f32) / count as f32);
-        let job = Group { scene, settings, first, with_metrics, progress: &mut share };
-        let part = with_channels(size, job)
-            .ok_or_else(|| anyhow!("{} has no colour channels to blend", scene.names[0]))??;
-        parts.push((size, part));
-    }
-    let solution = joined(parts)
-        .ok_or_else(|| anyhow!("{} has no colour channels to blend", scene.names[0]))?;
-    if solution.planes.iter().any(|v| !v.is_finite()) {
-        bail!(
-            "blending {} into {} exceeds the range of 32-bit floats; scale both down",
-            scene.names[1],
-            scene.names[0]
-        );
-    }
-    Ok(solution)
+    let region = scene.region();
+    scene.setup(&region).solve(settings, with_metrics, progress)
 }
 
-/// Some neighbouring channels of a scene.
-struct Group<'a> {
-    scene: &'a Scene,
+/// Some neighbouring channels.
+struct Group<'a, const D: usize> {
+    setup: &'a Setup<'a, D>,
     settings: &'a Settings,
     first: usize,
     with_metrics: bool,
     progress: &'a mut (dyn FnMut(f32) + Send),
 }
 
-impl ChannelJob for Group<'_> {
+impl<const D: usize> ChannelJob for Group<'_, D> {
     type Output = Result<Solution>;
 
     fn run<const C: usize>(self) -> Result<Solution> {
-        let (background, patch) = (
-            samples_of::<C>(&self.scene.background, self.first)?,
-            samples_of::<C>(&self.scene.patch, self.first)?,
-        );
-        let region = self.scene.region();
+        let setup = self.setup;
+        let (background, patch) =
+            (setup.background.samples::<C>(self.first)?, setup.patch.samples::<C>(self.first)?);
         let problem = Problem {
             background: &background,
-            patch: Patch::Samples { samples: &patch, offset: self.scene.offset },
-            region: &region,
-            guidance: self.settings.guidance.to_guidance::<C>(),
+            patch: Patch::Samples { samples: &patch, offset: setup.offset },
+            region: setup.region,
+            guidance: self.settings.guidance.to_guidance::<D, C>(),
             options: self.settings.options,
         };
-        let explain = |e| explain(e, self.scene);
+        let explain = |e| explain(e, setup.names);
         let start = Instant::now();
         let Blend { samples, report } =
             solve_with_progress(&problem, self.progress).map_err(explain)?;
@@ -150,8 +198,8 @@ fn joined_metrics(n: usize, a: Metrics, m: usize, b: Metrics) -> Metrics {
 }
 
 /// The solver's errors in terms of files and options.
-pub fn explain(error: Error, scene: &Scene) -> anyhow::Error {
-    let [background, patch] = &scene.names;
+pub fn explain(error: Error, names: &[String; 2]) -> anyhow::Error {
+    let [background, patch] = names;
     match error {
         Error::EmptyRegion => anyhow!(
             "nothing to paste: no pixel of the mask lies on {background}; move the patch with --at \

@@ -30,7 +30,7 @@ pub const KNOWN_GUIDANCE: &str =
 
 impl GuidanceName {
     /// The guidance for `C` channels.
-    pub fn to_guidance<const C: usize>(self) -> Guidance<2, C> {
+    pub fn to_guidance<const D: usize, const C: usize>(self) -> Guidance<D, C> {
         match self {
             Self::Patch => Guidance::Patch,
             Self::Strongest(rule) => Guidance::Strongest(rule),
@@ -56,7 +56,7 @@ impl GuidanceName {
 
 impl fmt::Display for GuidanceName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:?}", self.to_guidance::<1>())
+        write!(f, "{:?}", self.to_guidance::<1, 1>())
     }
 }
 

@@ -155,10 +155,10 @@ impl ChannelJob for Comparison<'_> {
             background: &background,
             patch: Patch::Samples { samples: &patch, offset: scene.offset },
             region: &region,
-            guidance: case.guidance.to_guidance::<C>(),
+            guidance: case.guidance.to_guidance::<2, C>(),
             options: case.options,
         };
-        let exact = solve(&problem).map_err(|e| explain(e, scene))?.samples;
+        let exact = solve(&problem).map_err(|e| explain(e, &scene.names))?.samples;
         let methods = case.methods();
         let count = methods.len() as f32;
         let mut rows = Vec::new();
@@ -182,7 +182,7 @@ impl Case {
             Kind::Baseline(baseline) => solve_baseline(problem, baseline),
             Kind::Spline(options) => solve(&Problem { options, ..problem.clone() }),
         };
-        let blend = blend.map_err(|e| explain(e, &self.scene))?;
+        let blend = blend.map_err(|e| explain(e, &self.scene.names))?;
         Ok((blend.samples, Some(start.elapsed().as_secs_f64()), Some(blend.report)))
     }
 }
@@ -207,7 +207,7 @@ fn measured<const C: usize>(
         Err(error) => return failed(method, error),
     };
     match measure(problem, &samples, Some(exact)) {
-        Err(error) => failed(method, explain(error, scene)),
+        Err(error) => failed(method, explain(error, &scene.names)),
         Ok(mut metrics) => {
             if let (OURS, Some(report)) = (method.slug.as_str(), &report) {
                 // Against itself it would be zero; the solver knows how far it may be off.
