@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn a_target_is_reached_at_the_same_step() {
-        let architecture = Architecture::grid(&signal().domain().shape(), 64);
+        let architecture = Architecture::siren(20, 2, 10.0);
         let whole = fitted(architecture.clone(), None, Some(20.0));
         assert!((6..60).contains(&whole.steps()), "{} steps", whole.steps());
         for before in [1, 2, 5] {
