@@ -34,17 +34,16 @@ fn table1_scores_every_solver_against_both_minima() {
         |row: &Value, key: &str| row[key].as_f64().unwrap_or_else(|| panic!("{key}: {row}"));
     for row in &rows {
         assert_eq!(row["scene"], "waves/free");
-        // Nobody is below the exact minimum of either objective.
-        assert!(
-            number(row, "excess_screened") >= 0.0 && number(row, "excess_loss") >= 0.0,
-            "{row}"
-        );
+        // Nobody is below the exact minimum of either objective by more than its own rounding.
+        let excess = [number(row, "excess_screened"), number(row, "excess_loss")];
+        assert!(excess.iter().all(|e| *e > -1e-7), "{row}");
         assert!(number(row, "m1") > 0.0 && number(row, "seconds") >= 0.0);
         match row["solver"].as_str().unwrap() {
-            "ours, exact" => assert_eq!(number(row, "excess_screened"), 0.0),
+            "ours, exact" => assert_eq!(excess[0], 0.0),
+            "ours, grid network" => assert!(excess[0] < 1e-4, "{row}"),
             // Rounding to f32 is all that is left.
-            "paper, minimum of loss" => assert!(number(row, "excess_loss") < 1e-6, "{row}"),
-            _ => assert!(number(row, "excess_screened") > 0.0, "{row}"),
+            "paper, minimum of loss" => assert!(excess[1] < 1e-6, "{row}"),
+            _ => assert!(excess[0] > 0.0, "{row}"),
         }
     }
     let text = |name: &str| fs::read_to_string(folder.path("out").join(name)).unwrap();
