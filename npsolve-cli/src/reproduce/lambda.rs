@@ -50,7 +50,7 @@ pub fn make(setting: &Setting, args: &ReproduceArgs, meter: &mut Meter) -> Resul
     let heads = [
         "paper: exact among splines",
         "paper: DINER on pixel differences",
-        "screened: exact among splines; lengths in pixels",
+        "screened: exact among splines, lengths in pixels",
     ];
     let mut pictures = Vec::new();
     for (head, row) in heads.iter().zip(&rows) {
