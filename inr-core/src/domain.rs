@@ -101,6 +101,12 @@ impl<const D: usize> Domain<D> {
         std::array::from_fn(|d| self.origin[d] + index[d] as f32 * self.pitch[d])
     }
 
+    /// Sample index, in f64, along axis `d` of this lattice of sample `i` of another one.
+    pub(crate) fn index_of(&self, d: usize, other: &Self, i: usize) -> f64 {
+        let distance = f64::from(other.origin[d]) - f64::from(self.origin[d]);
+        (distance + i as f64 * f64::from(other.pitch[d])) / f64::from(self.pitch[d])
+    }
+
     /// Continuous sample index of a physical position.
     pub fn to_index(&self, x: &[f32; D]) -> [f32; D] {
         std::array::from_fn(|d| (x[d] - self.origin[d]) / self.pitch[d])

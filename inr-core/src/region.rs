@@ -11,6 +11,8 @@ pub use ellipsoid::Ellipsoid;
 pub use raster_mask::RasterMask;
 pub use set::{Complement, Intersection, Translated, Union};
 
+use crate::Domain;
+
 /// A set of points in `R^D`, in physical coordinates.
 pub trait Region<const D: usize>: Send + Sync {
     /// Distance from `x` to the region's boundary, in physical units: negative inside, infinite
@@ -30,9 +32,24 @@ pub trait Region<const D: usize>: Send + Sync {
     fn weights_along(&self, x: &[f32; D], step: f32, weights: &mut [f32]) {
         for (i, weight) in weights.iter_mut().enumerate() {
             let mut x = *x;
-            x[0] += i as f32 * step;
+            // In f64: a long row has more samples than f32 can count.
+            x[0] = (f64::from(x[0]) + i as f64 * f64::from(step)) as f32;
             *weight = self.weight(&x);
         }
+    }
+
+    /// The weights at a lattice's samples from `start` on, along axis 0.
+    ///
+    /// The same as [`Region::weights_along`] up to rounding. Boxes and masks count samples in f64, so that
+    /// they are right for any number of samples; other regions see positions rounded to f32, which
+    /// tells neighbouring samples apart up to sample 2^24.
+    fn weights_on(&self, lattice: &Domain<D>, start: [usize; D], weights: &mut [f32]) {
+        self.weights_along(&lattice.position(start), lattice.pitch()[0], weights);
+    }
+
+    /// Two corners of a box outside of which all weights are zero, where it is known at no cost.
+    fn bounds(&self) -> Option<[[f32; D]; 2]> {
+        None
     }
 }
 
@@ -48,6 +65,14 @@ impl<const D: usize, R: Region<D> + ?Sized> Region<D> for Box<R> {
     fn weights_along(&self, x: &[f32; D], step: f32, weights: &mut [f32]) {
         (**self).weights_along(x, step, weights);
     }
+
+    fn weights_on(&self, lattice: &Domain<D>, start: [usize; D], weights: &mut [f32]) {
+        (**self).weights_on(lattice, start, weights);
+    }
+
+    fn bounds(&self) -> Option<[[f32; D]; 2]> {
+        (**self).bounds()
+    }
 }
 
 impl<const D: usize, R: Region<D> + ?Sized> Region<D> for &R {
@@ -61,5 +86,13 @@ impl<const D: usize, R: Region<D> + ?Sized> Region<D> for &R {
 
     fn weights_along(&self, x: &[f32; D], step: f32, weights: &mut [f32]) {
         (**self).weights_along(x, step, weights);
+    }
+
+    fn weights_on(&self, lattice: &Domain<D>, start: [usize; D], weights: &mut [f32]) {
+        (**self).weights_on(lattice, start, weights);
+    }
+
+    fn bounds(&self) -> Option<[[f32; D]; 2]> {
+        (**self).bounds()
     }
 }

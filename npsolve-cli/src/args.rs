@@ -10,7 +10,8 @@ use poisson_loss::{Objective, Options};
 use signal_io::SampleType;
 
 use crate::field_kind::FieldKind;
-use crate::values::{self, GuidanceName};
+use crate::kind::SignalKind;
+use crate::values::{self, Coordinate, GuidanceName, Place, Shape, Size};
 
 pub use field::{DEFAULT_SEED, FitArgs, RenderArgs};
 pub use reproduce::{Figure, ReproduceArgs};
@@ -77,10 +78,11 @@ pub enum Command {
         npsolve inspect photo.safetensors\n  \
         npsolve inspect --json scan.exr")]
     Inspect(InspectArgs),
-    /// Blend two built-in pictures and say what happened.
+    /// Blend two built-in pictures, or signals of another kind, and say what happened.
     #[command(after_help = "Examples:\n  \
         npsolve demo\n  \
-        npsolve demo -o /tmp/npsolve-demo")]
+        npsolve demo --kind audio\n  \
+        npsolve demo --kind lightfield -o /tmp/npsolve-demo")]
     Demo(DemoArgs),
     /// Make the tables and figures of the paper again, every result measured alike.
     #[command(after_help = "Examples:\n  \
@@ -143,27 +145,60 @@ pub struct BlendArgs {
 /// What is blended where.
 #[derive(Debug, Clone, Default, Args)]
 pub struct SceneArgs {
+    /// What the files are [default: what their names and contents say].
+    #[arg(long, value_enum, help_heading = "Scene")]
+    pub kind: Option<SignalKind>,
     /// Which part of the patch to paste: white yes, black no, grey softly. A picture of the patch's
-    /// size; its alpha where it is not opaque, else its luminance [default: the patch's alpha,
-    /// else the whole patch].
+    /// size (a volume for volumes; for videos and light fields one picture for all frames or views, or as
+    /// many); its alpha where it is not opaque, else its luminance [default: the patch's alpha, else all of it].
     #[arg(long, value_name = "MASK", help_heading = "Scene")]
     pub mask: Option<PathBuf>,
-    /// Where the patch's top-left pixel goes, in pixels of the background; fractions and positions
-    /// outside are fine. Required unless both pictures have one size (then 0,0).
+    /// Which part of the patch to paste, as a shape: box:X0,Y0,Z0:X1,Y1,Z1 (without the samples at X1) or
+    /// ellipsoid:CX,CY,CZ:RX,RY,RZ. In samples of the patch; with mm behind every number in a volume's own
+    /// millimetres. Without the last coordinates: all of these axes.
+    #[arg(long, value_name = "SHAPE", help_heading = "Scene", value_parser = values::shape)]
+    #[arg(allow_hyphen_values = true, conflicts_with = "mask")]
+    pub region: Option<Shape>,
+    /// Where the patch's first sample goes in the background: X,Y of its top-left pixel; seconds of sound, or samples
+    /// with smp; voxels, or millimetres with mm. Fractions and positions outside are fine. Required unless
+    /// both have one size (then 0,0) or are volumes (then their own coordinates decide).
     #[arg(long, value_name = "X,Y", help_heading = "Scene", allow_hyphen_values = true)]
-    #[arg(value_parser = values::point, conflicts_with = "center")]
-    pub at: Option<[f32; 2]>,
-    /// Where the patch's centre goes: its pixel (width/2, height/2), rounded down. The centre of
+    #[arg(value_parser = values::place, conflicts_with = "center")]
+    pub at: Option<Place>,
+    /// Where the patch's centre goes: its sample (width/2, height/2), rounded down. The centre of
     /// the patch, not of the mask.
     #[arg(long, value_name = "X,Y", help_heading = "Scene", allow_hyphen_values = true)]
-    #[arg(value_parser = values::point)]
-    pub center: Option<[f32; 2]>,
+    #[arg(value_parser = values::place)]
+    pub center: Option<Place>,
+    /// Begin of the part of the patch to take, in seconds of sound, or samples with smp [default: 0].
+    #[arg(long, value_name = "TIME", help_heading = "Scene")]
+    pub from: Option<Coordinate>,
+    /// End of the part of the patch to take [default: the patch's end].
+    #[arg(long, value_name = "TIME", help_heading = "Scene")]
+    pub to: Option<Coordinate>,
     /// Turn RGB pictures into grey (Rec. 709 weights on the values as they are stored).
     #[arg(long, help_heading = "Scene")]
     pub gray: bool,
-    /// Blend the values as the background stores them (sRGB in most files), or proportional to light.
-    #[arg(long, value_enum, default_value = "stored", help_heading = "Scene")]
-    pub blend_in: BlendIn,
+    /// The values to blend: stored (as in the background's file), linear (proportional to light), srgb, log
+    /// (ratios instead of differences), normalize (0 to 1 over the background's range) [default: log for pictures of
+    /// light beyond 1, normalize for volumes, else stored].
+    #[arg(long, value_enum, help_heading = "Scene")]
+    pub domain: Option<ValueDomain>,
+    /// Stretch the patch's values to the background's range before blending.
+    #[arg(long, help_heading = "Scene")]
+    pub match_range: bool,
+    /// Blend sound as it is (waveform: joins without clicks), or its spectrogram (sounds through each other).
+    #[arg(long, value_enum, default_value = "waveform", help_heading = "Scene")]
+    pub mode: AudioMode,
+    /// Pixels that one frame of a video counts as.
+    #[arg(long, value_name = "PX", default_value = "1", help_heading = "Scene", value_parser = values::positive)]
+    pub time_pitch: f32,
+    /// The files are pictures of lenslets with this many pixels across and down below each lens.
+    #[arg(long, value_name = "UxV", help_heading = "Scene", value_parser = values::size)]
+    pub lenslet: Option<Size>,
+    /// Pixels that one step of a light field's camera counts as: about how far it moves the picture.
+    #[arg(long, value_name = "PX", default_value = "0.8", help_heading = "Scene", value_parser = values::positive)]
+    pub angular_pitch: f32,
 }
 
 /// How it is blended.
@@ -246,6 +281,9 @@ pub struct InspectArgs {
     /// Pictures and fields.
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
+    /// What the files are [default: what their names and contents say].
+    #[arg(long, value_enum)]
+    pub kind: Option<SignalKind>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -254,7 +292,10 @@ pub struct InspectArgs {
 /// `npsolve demo`
 #[derive(Debug, Args)]
 pub struct DemoArgs {
-    /// Folder for the pictures; made if missing, its earlier demo pictures are overwritten.
+    /// What to blend: the built-in pictures, or a signal of another kind that is made on the spot.
+    #[arg(long, value_enum, default_value = "image")]
+    pub kind: SignalKind,
+    /// Folder for the results; made if missing, those of an earlier demo are overwritten.
     #[arg(short, long, value_name = "DIR", default_value = "npsolve-demo")]
     pub output: PathBuf,
 }
@@ -294,13 +335,24 @@ impl BlendField {
     }
 }
 
-/// `--blend-in`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+/// `--domain`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 #[allow(missing_docs)]
-pub enum BlendIn {
-    #[default]
+pub enum ValueDomain {
     Stored,
     Linear,
+    Srgb,
+    Log,
+    Normalize,
+}
+
+/// `--mode`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+#[allow(missing_docs)]
+pub enum AudioMode {
+    #[default]
+    Waveform,
+    Spectrogram,
 }
 
 /// `--depth`
@@ -311,19 +363,24 @@ pub enum Depth {
     Eight,
     #[value(name = "16")]
     Sixteen,
+    #[value(name = "24")]
+    TwentyFour,
     F16,
     F32,
 }
 
 impl Depth {
-    /// The number type of the file.
-    pub fn sample_type(self) -> SampleType {
-        match self {
+    /// The number type of pictures; they have no 24 bits.
+    pub fn sample_type(self) -> anyhow::Result<SampleType> {
+        Ok(match self {
             Self::Eight => SampleType::U8,
             Self::Sixteen => SampleType::U16,
+            Self::TwentyFour => {
+                anyhow::bail!("24 bits are for sound; take --depth 8, 16, f16 or f32")
+            }
             Self::F16 => SampleType::F16,
             Self::F32 => SampleType::F32,
-        }
+        })
     }
 }
 

@@ -1,4 +1,6 @@
-//! `npsolve demo`: the built-in pictures, blended in front of the user's eyes.
+//! `npsolve demo`: built-in pictures, or signals made on the spot, blended in front of the user's eyes.
+
+mod signals;
 
 use std::path::Path;
 
@@ -7,6 +9,7 @@ use poisson_loss::{Baseline, Guidance, Options, Patch, Problem, solve_baseline};
 use signal_io::{Image, ReadOptions, WriteOptions, decode_image};
 
 use crate::args::{DemoArgs, SceneArgs};
+use crate::kind::SignalKind;
 use crate::progress::Progress;
 use crate::scene::{Scene, samples_of};
 use crate::solve::{Settings, solve_scene};
@@ -26,6 +29,9 @@ const BESIDE: &str = "paste-and-blend.png";
 /// Runs the command.
 pub fn run(args: &DemoArgs, quiet: bool) -> Result<()> {
     files::make_folder(&args.output)?;
+    if args.kind != SignalKind::Image {
+        return signals::run(args.kind, &args.output, quiet);
+    }
     let scene = scene()?;
     let settings = Settings {
         guidance: GuidanceName::Patch,
@@ -87,7 +93,7 @@ pub fn scene() -> Result<Scene> {
     let read = |(name, bytes): (&str, &[u8])| decode_image(name, bytes, &ReadOptions::default());
     let names = [BACKGROUND.0, PATCH.0].map(str::to_owned);
     let mask = Some((MASK.0.to_owned(), read(MASK)?));
-    let place = SceneArgs { at: Some(PLACE), ..SceneArgs::default() };
+    let place = SceneArgs { at: Some(PLACE.into()), ..SceneArgs::default() };
     Scene::new(names, [read(BACKGROUND)?, read(PATCH)?], mask, &place)
 }
 

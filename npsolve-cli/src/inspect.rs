@@ -1,6 +1,7 @@
 //! `npsolve inspect`: what is in pictures and fields.
 
 mod field;
+mod signal;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -11,9 +12,11 @@ use serde::Serialize;
 use signal_io::{Image, Transfer};
 
 use crate::args::InspectArgs;
+use crate::kind::{self, SignalKind};
 use crate::report::count;
 use crate::{console, field_file, files, mask};
 use field::FieldDescription;
+use signal::SignalDescription;
 
 /// A plane counts as a mask when at least this share of its values is 0 or 1, and both occur.
 const MASK_SHARE: f64 = 0.9;
@@ -23,6 +26,7 @@ const MASK_SHARE: f64 = 0.9;
 #[serde(untagged)]
 enum Found {
     Picture(Description),
+    Signal(SignalDescription),
     Field(Box<FieldDescription>),
 }
 
@@ -69,7 +73,7 @@ struct MaskDescription {
 pub fn run(args: &InspectArgs) -> Result<()> {
     let (mut found, mut failures) = (Vec::new(), Vec::new());
     for path in &args.files {
-        match look(path) {
+        match look(path, args.kind) {
             Ok(one) => found.push(one),
             Err(error) => failures.push(format!("{error:#}")),
         }
@@ -85,11 +89,14 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     }
 }
 
-fn look(path: &Path) -> Result<Found> {
+fn look(path: &Path, kind: Option<SignalKind>) -> Result<Found> {
     if field_file::is_network(path) {
         return Ok(Found::Field(Box::new(field::describe(path)?)));
     }
-    Ok(Found::Picture(describe(path, &files::read_any(path)?)?))
+    match kind.unwrap_or_else(|| kind::of(path)) {
+        SignalKind::Image => Ok(Found::Picture(describe(path, &files::read_any(path)?)?)),
+        other => Ok(Found::Signal(signal::describe(path, other)?)),
+    }
 }
 
 fn describe(path: &Path, image: &Image) -> Result<Description> {
@@ -97,7 +104,9 @@ fn describe(path: &Path, image: &Image) -> Result<Description> {
         file: path.display().to_string(),
         width: image.width(),
         height: image.height(),
-        channels: (0..image.channels().len()).map(|c| channel(image, c)).collect(),
+        channels: (0..image.channels().len())
+            .map(|c| channel_of(image.channels()[c].clone(), image.plane(c)))
+            .collect(),
         sample_type: image.sample.name(),
         transfer: match image.transfer {
             Transfer::Srgb => "sRGB",
@@ -109,15 +118,15 @@ fn describe(path: &Path, image: &Image) -> Result<Description> {
     })
 }
 
-fn channel(image: &Image, c: usize) -> Channel {
-    let finite = || image.plane(c).iter().copied().filter(|v| v.is_finite());
+fn channel_of(name: String, plane: &[f32]) -> Channel {
+    let finite = || plane.iter().copied().filter(|v| v.is_finite());
     let n = finite().count();
     Channel {
-        name: image.channels()[c].clone(),
+        name,
         min: finite().reduce(f32::min),
         max: finite().reduce(f32::max),
         mean: (n > 0).then(|| finite().map(f64::from).sum::<f64>() / n as f64),
-        not_finite: image.pixel_count() - n,
+        not_finite: plane.len() - n,
     }
 }
 
@@ -151,6 +160,7 @@ impl Found {
     fn to_text(&self) -> String {
         match self {
             Self::Picture(picture) => picture.to_text(),
+            Self::Signal(signal) => signal.to_text(),
             Self::Field(field) => field.to_text(),
         }
     }
@@ -171,22 +181,26 @@ impl Description {
             Some(bytes) => text += &format!(", colour profile of {bytes} bytes\n"),
             None => text.push('\n'),
         }
-        for c in &self.channels {
-            let _ = match (c.min, c.max, c.mean) {
-                (Some(min), Some(max), Some(mean)) => {
-                    write!(text, "  {}: {min} to {max}, mean {mean:.4}", c.name)
-                }
-                _ => write!(text, "  {}: no finite value", c.name),
-            };
-            if c.not_finite > 0 {
-                let _ = write!(text, "; {} not finite", count(c.not_finite, "value"));
-            }
-            text.push('\n');
-        }
+        self.channels.iter().for_each(|c| text += &c.to_text());
         if let Some(mask) = &self.mask {
             text += &mask.to_text();
         }
         text
+    }
+}
+
+impl Channel {
+    fn to_text(&self) -> String {
+        let mut text = match (self.min, self.max, self.mean) {
+            (Some(min), Some(max), Some(mean)) => {
+                format!("  {}: {min} to {max}, mean {mean:.4}", self.name)
+            }
+            _ => format!("  {}: no finite value", self.name),
+        };
+        if self.not_finite > 0 {
+            let _ = write!(text, "; {} not finite", count(self.not_finite, "value"));
+        }
+        text + "\n"
     }
 }
 

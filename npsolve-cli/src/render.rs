@@ -2,7 +2,10 @@
 
 mod lattice;
 mod sampler;
+mod slices;
 mod slopes;
+mod spectrum;
+mod view;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -16,6 +19,7 @@ use signal_io::{Image, ReadOptions, WriteOptions, WriteReport};
 use crate::args::RenderArgs;
 use crate::channels::{self, ChannelJob, with_channels};
 use crate::field_file::{self, FieldFile};
+use crate::kind::{self, SignalKind};
 use crate::picture_kind::PictureKind;
 use crate::progress::Progress;
 use crate::report::count;
@@ -55,7 +59,7 @@ struct Written {
 /// Runs the command.
 pub fn run(args: &RenderArgs, quiet: bool) -> Result<()> {
     check_targets(args)?;
-    let field = FieldFile::read(&args.field)?;
+    let field = read(args)?;
     let (kind, signal) = (field.picture_kind(), field.domain()?);
     let lattice = target(args, &signal)?;
     check_size(args, &lattice, kind.channels.len())?;
@@ -72,7 +76,7 @@ pub fn run(args: &RenderArgs, quiet: bool) -> Result<()> {
     let picture = match &args.output {
         Some(path) => {
             let image = kind.picture(size, planes.values)?;
-            Some(write(path, &image, &options(args), None)?)
+            Some(write(path, &image, &options(args)?, None)?)
         }
         None => None,
     };
@@ -94,6 +98,20 @@ pub fn run(args: &RenderArgs, quiet: bool) -> Result<()> {
         console::print(&report.to_text(&args.field))?;
     }
     Ok(())
+}
+
+/// A field over pictures, or the picture that stands for another kind of signal.
+fn read(args: &RenderArgs) -> Result<FieldFile> {
+    let kind = match args.kind {
+        _ if args.lenslet.is_some() => SignalKind::Lightfield,
+        Some(kind) => kind,
+        None => kind::of(&args.field),
+    };
+    view::check(kind, args)?;
+    match kind {
+        SignalKind::Image => FieldFile::read(&args.field),
+        other => Ok(FieldFile::Picture(view::picture(other, args)?)),
+    }
 }
 
 /// Everything about the targets that can be known before the field is read.
@@ -141,7 +159,7 @@ fn check_writes(args: &RenderArgs, lattice: &Domain<2>, kind: &PictureKind) -> R
         kind.picture(lattice.shape(), vec![0.0; kind.channels.len() * lattice.len()])
     };
     if let Some(path) = &args.output {
-        files::check_write(path, &blank(kind)?, &options(args))?;
+        files::check_write(path, &blank(kind)?, &options(args)?)?;
     }
     if let Some(path) = &args.gradient {
         let kind = Slopes::for_file(path).picture_kind(kind);
@@ -151,9 +169,9 @@ fn check_writes(args: &RenderArgs, lattice: &Domain<2>, kind: &PictureKind) -> R
     Ok(())
 }
 
-fn options(args: &RenderArgs) -> WriteOptions {
-    let sample = args.depth.map(|d| d.sample_type());
-    WriteOptions { force: args.force, sample, ..WriteOptions::default() }
+fn options(args: &RenderArgs) -> Result<WriteOptions> {
+    let sample = args.depth.map(|d| d.sample_type()).transpose()?;
+    Ok(WriteOptions { force: args.force, sample, ..WriteOptions::default() })
 }
 
 /// All planes of a field; pictures of many channels in groups.

@@ -40,14 +40,21 @@ pub struct BlendReport {
     box_start: Vec<usize>,
     box_shape: Vec<usize>,
     length: Option<f32>,
-    size: [usize; 2],
+    kind: &'static str,
+    domain: &'static str,
+    size: Vec<usize>,
     channels: usize,
-    offset: [f32; 2],
+    offset: Vec<f64>,
     rmse_to_exact: Option<f64>,
     rmse_inside: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     network: Option<NetworkReport>,
+    #[serde(flatten)]
+    extras: Extras,
 }
+
+/// Measures that one kind of signal has and others have not.
+pub type Extras = serde_json::Map<String, serde_json::Value>;
 
 /// What the training of a network did.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -78,12 +85,18 @@ pub struct Context<'a> {
     pub clipped_fraction: f64,
     /// Everything the user should know.
     pub warnings: &'a [String],
-    /// Size of the result.
-    pub size: [usize; 2],
+    /// Kind of signal.
+    pub kind: &'static str,
+    /// The values that were blended and measured.
+    pub domain: &'static str,
+    /// Size of the result, x first.
+    pub size: Vec<usize>,
     /// Colour channels of the result.
     pub channels: usize,
-    /// Where the patch went.
-    pub offset: [f32; 2],
+    /// Where the patch's first sample went, in samples, x first.
+    pub offset: Vec<f64>,
+    /// What only this kind of signal has.
+    pub extras: Extras,
     /// The training, if the result is a network.
     pub network: Option<NetworkReport>,
 }
@@ -117,12 +130,15 @@ impl BlendReport {
             box_start: report.box_start.clone(),
             box_shape: report.box_shape.clone(),
             length: report.length,
+            kind: context.kind,
+            domain: context.domain,
             size: context.size,
             channels: context.channels,
             offset: context.offset,
             rmse_to_exact: metrics.rmse_to_exact,
             rmse_inside: metrics.rmse_inside,
             network: context.network,
+            extras: context.extras,
         }
     }
 }

@@ -6,16 +6,22 @@ use anyhow::{Context, Result, bail};
 use inr_core::{Network, RasterMask, Region, Samples, Translated};
 use signal_io::{Image, Transfer};
 
-use crate::args::{BlendIn, SceneArgs};
+use crate::args::{SceneArgs, ValueDomain};
 use crate::field_file::{self, FieldFile};
 use crate::files;
 use crate::mask;
+use crate::shapes::{self, InSamples};
 use crate::solve::{Planes, Setup};
+use crate::value_domain::{Mapping, match_range};
 
 /// Everything a blend needs, checked: both pictures have the same colour channels in one encoding.
 pub struct Scene {
-    /// The colour channels of the background.
+    /// The colour channels of the background, in the values to blend.
     pub background: Image,
+    /// From the background's own values to those to blend.
+    pub mapping: Mapping,
+    /// The background's own values, where those to blend are others.
+    stored: Option<Vec<f32>>,
     /// The background's alpha, which the result gets.
     pub alpha: Option<Vec<f32>>,
     /// The colour channels of the patch.
@@ -45,8 +51,13 @@ impl Scene {
             Some(path) => Some((path.display().to_string(), files::read_any(path)?)),
             None => None,
         };
-        let mut scene = Self::new(names, pictures, mask, args)?;
-        // Conversions to grey or to light leave values that are no longer the networks'.
+        let mut args = args.clone();
+        if bytes.iter().any(Option::is_some) {
+            // Networks are what they are; a conversion has to be asked for.
+            args.domain = args.domain.or(Some(ValueDomain::Stored));
+        }
+        let mut scene = Self::new(names, pictures, mask, &args)?;
+        // Conversions leave values that are no longer the networks'.
         let now = [scene.background.as_planar(), scene.patch.as_planar()];
         let kept: Vec<bool> = (0..2).map(|k| now[k] == planes[k]).collect();
         scene.networks = bytes;
@@ -68,15 +79,43 @@ impl Scene {
             background = to_gray(&background, &names[0])?;
             patch = to_gray(&patch, &names[1])?;
         }
-        match_transfers(&mut background, &mut patch, args.blend_in, &names, &mut warnings);
-        let patch = match_channels(&background, patch, &names)?;
-        let mask = match (mask, patch_alpha) {
-            (Some((name, image)), _) => mask::from_image(&image, &name, &patch, &mut warnings)?,
-            (None, Some(alpha)) => mask::from_alpha(alpha, &names[1], &patch)?,
-            (None, None) => RasterMask::new(patch.domain(), vec![1.0; patch.pixel_count()])?,
+        let domain = args.domain.unwrap_or_else(|| usual_domain(&background));
+        match_transfers(&mut background, &mut patch, domain, &names, &mut warnings);
+        let mut patch = match_channels(&background, patch, &names)?;
+        if args.match_range {
+            match_range(patch.as_planar_mut(), background.as_planar());
+        }
+        let mapped = mapping(domain, background.as_planar(), patch.as_planar(), &names);
+        // Nobody asked for the logarithm where it is only the usual choice.
+        let mapping =
+            if args.domain.is_none() { mapped.unwrap_or(Mapping::Identity) } else { mapped? };
+        let stored = (mapping != Mapping::Identity).then(|| background.as_planar().to_vec());
+        for image in [&mut background, &mut patch] {
+            let values = mapping.forward(image.as_planar());
+            image.as_planar_mut().copy_from_slice(&values);
+        }
+        let mask = match (&args.region, mask, patch_alpha) {
+            (Some(shape), _, _) => shapes::mask(shape, patch.domain(), &InSamples)?,
+            (None, Some((name, image)), _) => {
+                mask::from_image(&image, &name, &patch, &mut warnings)?
+            }
+            (None, None, Some(alpha)) => mask::from_alpha(alpha, &names[1], &patch)?,
+            (None, None, None) => RasterMask::new(patch.domain(), vec![1.0; patch.pixel_count()])?,
         };
         let offset = place(&background, &patch, args, &names)?;
-        Ok(Self { background, alpha, patch, mask, offset, names, networks: [None, None], warnings })
+        let networks = [None, None];
+        Ok(Self {
+            background,
+            mapping,
+            stored,
+            alpha,
+            patch,
+            mask,
+            offset,
+            names,
+            networks,
+            warnings,
+        })
     }
 
     /// Number of colour channels.
@@ -123,12 +162,18 @@ impl Scene {
             image = to_gray(&image, &name)?;
         }
         let image = image.to_transfer(b.transfer);
-        match_channels(b, image, &[self.names[0].clone(), name])
+        let mut image = match_channels(b, image, &[self.names[0].clone(), name])?;
+        let values = self.mapping.forward(image.as_planar());
+        image.as_planar_mut().copy_from_slice(&values);
+        Ok(image)
     }
 
-    /// A picture of the background's kind with these planes and, if wanted, its alpha.
-    pub fn picture(&self, planes: Vec<f32>, with_alpha: bool) -> Result<Image> {
+    /// A picture of the background's kind with these blended planes, back in the background's values, and, if wanted, its alpha.
+    pub fn picture(&self, mut planes: Vec<f32>, with_alpha: bool) -> Result<Image> {
         let mut image = self.background.clone();
+        if let Some(stored) = &self.stored {
+            self.mapping.back(stored, self.background.as_planar(), &mut planes);
+        }
         image.as_planar_mut().copy_from_slice(&planes);
         match &self.alpha {
             Some(alpha) if with_alpha => Ok(image.with_alpha(alpha)?),
@@ -151,26 +196,57 @@ fn to_gray(image: &Image, name: &str) -> Result<Image> {
     })
 }
 
+/// What `--domain` is when nothing is said: ratios for light beyond the range of screens.
+fn usual_domain(background: &Image) -> ValueDomain {
+    let values = background.as_planar();
+    let is_light = background.transfer == Transfer::Linear && values.iter().all(|v| *v >= 0.0);
+    match is_light && values.iter().any(|v| *v > 1.0) {
+        true => ValueDomain::Log,
+        false => ValueDomain::Stored,
+    }
+}
+
+/// The change of values after both pictures have one encoding.
+fn mapping(
+    domain: ValueDomain,
+    background: &[f32],
+    patch: &[f32],
+    names: &[String; 2],
+) -> Result<Mapping> {
+    Ok(match domain {
+        ValueDomain::Stored | ValueDomain::Linear | ValueDomain::Srgb => Mapping::Identity,
+        ValueDomain::Log => Mapping::log(background, patch, names)?,
+        ValueDomain::Normalize => Mapping::range(background),
+    })
+}
+
 /// Brings both pictures into the encoding to blend in.
 fn match_transfers(
     background: &mut Image,
     patch: &mut Image,
-    blend_in: BlendIn,
+    domain: ValueDomain,
     names: &[String; 2],
     warnings: &mut Vec<String>,
 ) {
-    if blend_in == BlendIn::Linear {
-        for (image, name) in [(&mut *background, &names[0]), (&mut *patch, &names[1])] {
-            match image.transfer {
-                Transfer::Unspecified => warnings.push(format!(
-                    "{name} does not say how its values relate to light; they are taken as linear"
-                )),
-                _ => *image = image.to_transfer(Transfer::Linear),
+    let wanted = match domain {
+        ValueDomain::Linear | ValueDomain::Log => Transfer::Linear,
+        ValueDomain::Srgb => Transfer::Srgb,
+        ValueDomain::Stored | ValueDomain::Normalize => {
+            if patch.transfer != background.transfer {
+                // Only the label changes where one of the two is not specified.
+                *patch = patch.to_transfer(background.transfer);
             }
+            return;
         }
-    } else if patch.transfer != background.transfer {
-        // Only the label changes where one of the two is not specified.
-        *patch = patch.to_transfer(background.transfer);
+    };
+    for (image, name) in [(&mut *background, &names[0]), (&mut *patch, &names[1])] {
+        match image.transfer {
+            Transfer::Unspecified => warnings.push(format!(
+                "{name} does not say how its values relate to light; they are taken as {}",
+                if wanted == Transfer::Linear { "linear" } else { "sRGB" }
+            )),
+            _ => *image = image.to_transfer(wanted),
+        }
     }
 }
 
@@ -210,9 +286,13 @@ fn place(
         let ([bw, bh], [pw, ph]) = (b, p);
         format!("{} is {bw} x {bh} pixels, {} {pw} x {ph}", names[0], names[1])
     };
-    let offset = match (args.at, args.center) {
-        (Some(at), _) => at,
-        (None, Some(center)) => std::array::from_fn(|d| center[d] - (p[d] / 2) as f32),
+    let pixels = |place| shapes::position::<2>(place, &InSamples).map(|at| at.map(|v| v as f32));
+    let offset = match (&args.at, &args.center) {
+        (Some(at), _) => pixels(at)?,
+        (None, Some(center)) => {
+            let center = pixels(center)?;
+            std::array::from_fn(|d| center[d] - (p[d] / 2) as f32)
+        }
         (None, None) if b == p => [0.0; 2],
         (None, None) => {
             bail!("{}: say where the patch goes with --at X,Y or --center X,Y", sizes())

@@ -5,7 +5,8 @@ use std::time::Instant;
 use anyhow::{Result, anyhow, bail};
 use inr_core::{Domain, Region, Samples};
 use poisson_loss::{
-    Blend, Error, Metrics, Options, Patch, Problem, Report, measure, solve_with_progress,
+    Baseline, Blend, Error, Metrics, Options, Patch, Problem, Report, measure, solve_baseline,
+    solve_with_progress,
 };
 
 use crate::channels::{self, ChannelJob, with_channels};
@@ -71,6 +72,21 @@ impl<const D: usize> Planes<'_, D> {
 }
 
 impl<const D: usize> Setup<'_, D> {
+    fn problem<'b, const C: usize>(
+        &'b self,
+        background: &'b Samples<D, C>,
+        patch: &'b Samples<D, C>,
+        settings: &Settings,
+    ) -> Problem<'b, D, C> {
+        Problem {
+            background,
+            patch: Patch::Samples { samples: patch, offset: self.offset },
+            region: self.region,
+            guidance: settings.guidance.to_guidance::<D, C>(),
+            options: settings.options,
+        }
+    }
+
     /// Blends all channels, in groups of at most [`channels::MOST`].
     pub fn solve(
         &self,
@@ -109,6 +125,42 @@ impl<const D: usize> Setup<'_, D> {
     }
 }
 
+impl<const D: usize> Setup<'_, D> {
+    /// What another method makes of it, without its report.
+    pub fn baseline(&self, settings: &Settings, method: Baseline) -> Result<Vec<f32>> {
+        let (count, most) = (self.background.channels(), channels::most(D));
+        let mut planes = Vec::new();
+        for first in (0..count).step_by(most) {
+            let job = Classical { setup: self, settings, first, method };
+            let part = with_channels(most.min(count - first), job)
+                .ok_or_else(|| anyhow!("{} has no channels to blend", self.names[0]))??;
+            planes.extend(part);
+        }
+        Ok(planes)
+    }
+}
+
+/// Some neighbouring channels for another method.
+struct Classical<'a, const D: usize> {
+    setup: &'a Setup<'a, D>,
+    settings: &'a Settings,
+    first: usize,
+    method: Baseline,
+}
+
+impl<const D: usize> ChannelJob for Classical<'_, D> {
+    type Output = Result<Vec<f32>>;
+
+    fn run<const C: usize>(self) -> Result<Vec<f32>> {
+        let setup = self.setup;
+        let (background, patch) =
+            (setup.background.samples::<C>(self.first)?, setup.patch.samples::<C>(self.first)?);
+        let problem = setup.problem(&background, &patch, self.settings);
+        let blend = solve_baseline(&problem, self.method).map_err(|e| explain(e, setup.names))?;
+        Ok(blend.samples.as_planar().to_vec())
+    }
+}
+
 /// Blends the colour channels of pictures.
 pub fn solve_scene(
     scene: &Scene,
@@ -136,13 +188,7 @@ impl<const D: usize> ChannelJob for Group<'_, D> {
         let setup = self.setup;
         let (background, patch) =
             (setup.background.samples::<C>(self.first)?, setup.patch.samples::<C>(self.first)?);
-        let problem = Problem {
-            background: &background,
-            patch: Patch::Samples { samples: &patch, offset: setup.offset },
-            region: setup.region,
-            guidance: self.settings.guidance.to_guidance::<D, C>(),
-            options: self.settings.options,
-        };
+        let problem = setup.problem(&background, &patch, self.settings);
         let explain = |e| explain(e, setup.names);
         let start = Instant::now();
         let Blend { samples, report } =

@@ -1,10 +1,14 @@
 //! Values of options: parsed and checked before anything is read.
 
+mod place;
+
 use std::fmt;
 use std::time::Duration;
 
 use inr_core::Interpolation;
 use poisson_loss::{Guidance, Strongest};
+
+pub use place::{Coordinate, Counts, Place, Shape, place, shape};
 
 /// A [`Guidance`] by its name, for any number of channels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,11 +84,6 @@ pub fn guidance(text: &str) -> Result<GuidanceName, String> {
     })
 }
 
-/// Parses a position `X,Y` in pixels.
-pub fn point(text: &str) -> Result<[f32; 2], String> {
-    pair(text).ok_or_else(|| "write two numbers with a comma and no space: X,Y".to_owned())
-}
-
 /// Parses a number above zero.
 pub fn positive(text: &str) -> Result<f32, String> {
     number(text).filter(|v| *v > 0.0).ok_or_else(|| "must be a number above 0".to_owned())
@@ -113,6 +112,35 @@ pub struct Crop {
     pub start: [f32; 2],
     /// Width and height, above 0.
     pub size: [f32; 2],
+}
+
+/// One slice of a volume.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slice {
+    /// The axis across it: 0 for x.
+    pub axis: usize,
+    /// Its number.
+    pub index: usize,
+}
+
+/// Parses `--slice`.
+pub fn slice(text: &str) -> Result<Slice, String> {
+    let parsed = || {
+        let (axis, index) = text.split_once(':')?;
+        let axis = ["x", "y", "z"].iter().position(|a| *a == axis)?;
+        Some(Slice { axis, index: index.parse().ok()? })
+    };
+    parsed().ok_or_else(|| "write the axis and the number of the slice: z:40".to_owned())
+}
+
+/// Parses `--view`.
+pub fn view(text: &str) -> Result<[f32; 2], String> {
+    pair(text).ok_or_else(|| "write column and row with a comma: 1.5,2".to_owned())
+}
+
+/// Parses any number.
+pub fn any_number(text: &str) -> Result<f32, String> {
+    number(text).ok_or_else(|| "must be a number".to_owned())
 }
 
 /// Parses `--size`.
@@ -211,9 +239,8 @@ mod tests {
         assert_eq!(not_negative("0"), Ok(0.0));
         assert!(not_negative("-0.1").is_err());
         assert!(tolerance("1").is_err() && tolerance("1e-3").is_ok());
-        assert_eq!(point("-3.5,20"), Ok([-3.5, 20.0]));
-        assert!(point("3").is_err() && point("3;4").is_err());
     }
+
     #[test]
     fn times_sizes_and_crops() {
         let milliseconds = |text| duration(text).map(|d| d.as_millis());
@@ -233,6 +260,11 @@ mod tests {
         for text in ["1,2,3", "1,2,3,4,5", "1,2,0,4", "-1,2,3,4", "1,,3,4", "1,2,nan,4"] {
             assert!(crop(text).is_err(), "{text}");
         }
+        assert_eq!(slice("y:7"), Ok(Slice { axis: 1, index: 7 }));
+        for text in ["7", "t:7", "x:-1", "x:"] {
+            assert!(slice(text).is_err(), "{text}");
+        }
+        assert_eq!(view("0.5,2"), Ok([0.5, 2.0]));
         assert!(power_of_two("32768").is_ok() && power_of_two("1000").is_err());
         assert!(at_least_one("0").is_err() && at_least_one("20000000").is_err());
         assert!(decibel("-3").is_err() && decibel("35.5").is_ok());

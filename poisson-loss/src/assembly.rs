@@ -32,13 +32,22 @@ pub struct Initial<const D: usize> {
 
 impl<const D: usize> Initial<D> {
     pub fn new<const C: usize>(problem: &Problem<'_, D, C>, plan: &Plan<D>) -> Result<Self> {
+        Self::centred(problem, plan, None)
+    }
+
+    /// With given means of the jump at the edge in place of its own: those of a larger problem.
+    pub fn centred<const C: usize>(
+        problem: &Problem<'_, D, C>,
+        plan: &Plan<D>,
+        means: Option<[f32; C]>,
+    ) -> Result<Self> {
         let (start, frame) = skirted(problem, plan);
         let inputs = Inputs::new(problem, start, frame)?;
         let here = |values: &[f32]| -> Vec<f32> {
             let lo = std::array::from_fn(|d| start[d] as isize - plan.start[d] as isize);
             copy_box(values, plan.frame.shape, lo, frame.shape, |_, _| None)
         };
-        let weights = Weights { guide: here(&plan.guide), region: here(&plan.region) };
+        let weights = Weights { guide: here(plan.guide()), region: here(&plan.region) };
         let operator = SplineOperator {
             frame,
             alpha: plan.alpha,
@@ -49,9 +58,14 @@ impl<const D: usize> Initial<D> {
         let edge = edge_samples(&weights.region, &frame);
         let mut change: Vec<Vec<f32>> = pasted
             .iter()
-            .map(|d| {
+            .enumerate()
+            .map(|(c, d)| {
                 // Only the gradient matters inside, so the jump at the edge may be centred.
-                let mean = if plan.keep == 0.0 { mean_at(d, &edge) } else { 0.0 };
+                let mean = match means {
+                    Some(means) => means[c],
+                    None if plan.keep == 0.0 => mean_at(d, &edge),
+                    None => 0.0,
+                };
                 d.par_iter().zip(&weights.guide).map(|(d, g)| g * (d - mean)).collect()
             })
             .collect();

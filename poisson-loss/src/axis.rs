@@ -107,11 +107,13 @@ impl Axis {
     }
 
     /// The axis with every second point, if at least two intervals remain. Both end points stay;
-    /// with an odd number of intervals the last coarse one spans three.
+    /// with an odd number of intervals the last coarse one spans three. A shorter axis between two
+    /// mirrors becomes a single node: its coupling would outgrow that of longer axes, on which a
+    /// point smoother then does nothing.
     pub fn coarsen(&self) -> Option<(Axis, Transfer)> {
         let intervals = self.points.len() - 1;
         if intervals < 4 {
-            return None;
+            return self.collapse();
         }
         let mut kept: Vec<usize> = (0..=intervals).step_by(2).collect();
         if intervals % 2 == 1 {
@@ -148,6 +150,18 @@ impl Axis {
             prolong.push(entry);
         }
         Some((coarse, Transfer::new(prolong, restrict)))
+    }
+
+    /// The axis as a single node, its mean.
+    fn collapse(&self) -> Option<(Axis, Transfer)> {
+        if self.len() == 1 || self.ends != [End::Mirror; 2] {
+            return None;
+        }
+        let mut coarse = Self::at(vec![self.points[0]], self.ends, self.stiffness);
+        coarse.volume[0] = self.volume.iter().sum();
+        let share = self.volume.iter().map(|v| v / coarse.volume[0]).collect();
+        let transfer = Transfer::new(vec![(0, 1.0, 0.0); self.len()], vec![(0, share)]);
+        Some((coarse, transfer))
     }
 
     /// The transfer of an axis that is not coarsened.

@@ -112,7 +112,7 @@ fn right_hand_sides<const D: usize, const C: usize>(
     let (root_alpha, n) = (f64::from(plan.alpha[0]).sqrt(), plan.frame.shape[0]);
     let mut sums = vec![vec![0.0f64; n]; C];
     for_points(frame.shape[0], frame.ends[0], |cell, half, point, at| {
-        let (guide, m) = (plan.guide[place + cell], plan.region[place + cell]);
+        let (guide, m) = (plan.guide()[place + cell], plan.region[place + cell]);
         if guide == 0.0 && m == 0.0 {
             return;
         }

@@ -62,6 +62,25 @@ pub enum Error {
          take a cubic grid, a sine network, or smoothstep interpolation with SiLU"
     )]
     NoGradient,
+    /// A source or sink of blocks failed.
+    #[error("{what}: {reason}")]
+    Storage {
+        /// Which of them.
+        what: &'static str,
+        /// What the system says.
+        reason: String,
+    },
+    /// A problem does not fit the memory that it may take.
+    #[error("{given} bytes of memory are too few; at least {needed} are needed")]
+    Memory {
+        /// The least that would do.
+        needed: u64,
+        /// What was given.
+        given: u64,
+    },
+    /// The caller's progress function asked to stop.
+    #[error("stopped on request; what is done so far is kept in the state file")]
+    Stopped,
     /// The training of a network failed.
     #[error(transparent)]
     Network(#[from] inr_core::Error),

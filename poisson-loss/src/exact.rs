@@ -4,24 +4,14 @@ use inr_core::Samples;
 use rayon::prelude::*;
 
 use crate::assembly::Initial;
-use crate::axis::{Axis, ghost};
-use crate::banded;
-use crate::cg::{self, Convergence};
-use crate::fused::{FusedOperator, FusedSystem};
-use crate::multigrid::Multigrid;
-use crate::operator::SplineOperator;
-use crate::plain::PlainSystem;
+use crate::axis::ghost;
+use crate::cg::Convergence;
+use crate::engine::Engine;
+use crate::line;
 use crate::plan::Plan;
 use crate::problem::{Problem, put_box};
 use crate::tile::Frame;
-use crate::{Error, Options, Result};
-
-/// Screening that stands for a fixed value in the preconditioner of Dirichlet problems, in units
-/// of the Laplacian's coefficients.
-const FIXED: f32 = 100.0;
-
-/// Residual of a problem that f32 input leaves solved: rounding of values of order one.
-const FLOOR: f64 = 1e-7;
+use crate::{Error, Result};
 
 /// What a solve did, for the user to read.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,7 +79,7 @@ fn solve_here<const D: usize, const C: usize>(
     problem: &Problem<'_, D, C>,
     progress: &mut (dyn FnMut(f32) + Send),
 ) -> Result<Blend<D, C>> {
-    let plan = Plan::new(problem)?;
+    let mut plan = Plan::new(problem)?;
     let options = &problem.options;
     let mut report = Report {
         iterations: 0,
@@ -101,16 +91,18 @@ fn solve_here<const D: usize, const C: usize>(
         length: plan.length,
         warnings: plan.warnings.clone(),
     };
-    let mut samples = Samples::zeros(*problem.background.domain());
-    copy(problem.background.as_planar(), samples.as_planar_mut());
     if D == 1 {
-        let (changes, residual) = banded::solve(problem, &plan)?;
-        for (c, change) in changes.iter().enumerate() {
-            add_nodal(&plan, change, samples.plane_mut(c), problem.background.domain().shape());
-        }
+        // The weights are in the plan; a long line has no room for them twice.
+        plan.support.weight = Vec::new();
+        let (changes, residual) = line::solve(problem, &plan)?;
         (report.iterations, report.residual) = (1, residual);
+        let mut samples = copied(problem.background);
+        for (c, change) in changes.iter().enumerate() {
+            line::add_nodal(&plan, change, &mut samples.plane_mut(c)[plan.start[0]..]);
+        }
         return Ok(Blend { samples, report });
     }
+    let mut samples = copied(problem.background);
     let Initial { start, frame, change, residual } = Initial::new(problem, &plan)?;
     let place: [usize; D] = std::array::from_fn(|d| start[d] - plan.start[d]);
     let engine = Engine::new(&plan);
@@ -151,64 +143,15 @@ fn solve_here<const D: usize, const C: usize>(
 }
 
 /// A copy by all threads: most of its time is the first touch of the new memory.
-fn copy(src: &[f32], dst: &mut [f32]) {
-    dst.par_chunks_mut(1 << 16)
-        .zip(src.par_chunks(1 << 16))
-        .for_each(|(d, s)| d.copy_from_slice(s));
-}
-
-/// The fused system where it applies, the plain one elsewhere; shared by all channels.
-enum Engine<'a, const D: usize> {
-    Plain { operator: SplineOperator<D>, multigrid: Multigrid<D>, free: &'a [bool] },
-    Fused(FusedOperator<D>),
-}
-
-impl<'a, const D: usize> Engine<'a, D> {
-    fn new(plan: &'a Plan<D>) -> Self {
-        let frame = plan.frame;
-        let (screening, free) = (plan.screening(), &plan.free[..]);
-        let axes: [Axis; D] =
-            std::array::from_fn(|d| Axis::uniform(frame.shape[d], frame.ends[d], plan.alpha[d]));
-        let fixed = |(k, s): (usize, &f32)| if *free.get(k).unwrap_or(&true) { *s } else { FIXED };
-        let nodal = screening.par_iter().enumerate().map(fixed).collect();
-        // An axis of eight samples or more always gives a coarser level.
-        let small = (0..D).all(|d| frame.shape[d] < 8);
-        let operator =
-            SplineOperator { frame, alpha: plan.alpha, screening, gamma: plan.gamma.clone() };
-        if plan.gamma.is_empty() && free.is_empty() && !small {
-            let multigrid = Multigrid::without_finest(axes, nodal);
-            Self::Fused(FusedOperator::new(operator, multigrid))
-        } else {
-            let multigrid = Multigrid::new(axes, nodal, plan.gamma.clone());
-            Self::Plain { operator, multigrid, free }
-        }
-    }
-
-    /// The solution of one right-hand side.
-    fn solve(
-        &self,
-        r: Vec<f32>,
-        options: &Options,
-        step: &mut dyn FnMut(usize, f64),
-    ) -> (Vec<f32>, Convergence) {
-        let (tolerance, most) = (f64::from(options.tolerance), options.max_iterations);
-        match self {
-            Self::Plain { operator, multigrid, free } => {
-                let mut system = PlainSystem::new(operator, multigrid, free, r);
-                let convergence = cg::solve(&mut system, tolerance, most, FLOOR, step);
-                (system.x, convergence)
-            }
-            Self::Fused(shared) => {
-                let mut system = FusedSystem::new(shared, r);
-                let convergence = cg::solve(&mut system, tolerance, most, FLOOR, step);
-                (system.x, convergence)
-            }
-        }
-    }
+fn copied<const D: usize, const C: usize>(src: &Samples<D, C>) -> Samples<D, C> {
+    let mut dst = Samples::zeros(*src.domain());
+    let pieces = dst.as_planar_mut().par_chunks_mut(1 << 16);
+    pieces.zip(src.as_planar().par_chunks(1 << 16)).for_each(|(d, s)| d.copy_from_slice(s));
+    dst
 }
 
 /// Adds the spline with these coefficients, at its knots, to the box's part of a plane.
-fn add_nodal<const D: usize>(
+pub(crate) fn add_nodal<const D: usize>(
     plan: &Plan<D>,
     coefficients: &[f32],
     plane: &mut [f32],

@@ -31,6 +31,11 @@ use blocks::{Class, classify};
 use precondition::{Down, HALO_DOWN, HALO_UP, Up};
 use smoother::{Rings, Smoother, inverse_diagonal};
 
+/// The widest halo of any pass.
+pub const fn most_reach() -> usize {
+    HALO_UP
+}
+
 /// What all right-hand sides share.
 pub struct FusedOperator<const D: usize> {
     operator: SplineOperator<D>,

@@ -69,7 +69,7 @@ impl<'a, const D: usize, const C: usize> Inputs<'a, D, C> {
             let lo = wide.map(|v| v as isize);
             copy_box(problem.background.plane(c), domain.shape(), lo, wide_shape, |_, _| None)
         };
-        let wanted = if linear && D > 1 { 0 } else { C };
+        let wanted = if linear { 0 } else { C };
         let background: Vec<Vec<f32>> =
             (0..if monochrome { C } else { wanted }).map(copied).collect();
         check("background", &background, wide_shape, wide)?;

@@ -93,19 +93,24 @@
 
 mod assembly;
 mod axis;
+#[cfg(test)]
 mod banded;
 mod baselines;
+mod blocks;
 mod cg;
+mod engine;
 mod error;
 mod exact;
 mod fused;
 mod guidance;
 mod inputs;
+mod line;
 mod metrics;
 mod multigrid;
 mod neural;
 mod objective;
 mod operator;
+mod order;
 mod plain;
 mod plan;
 mod problem;
@@ -113,6 +118,10 @@ mod ring;
 mod tile;
 
 pub use baselines::{Baseline, solve_baseline};
+pub use blocks::{
+    BlockOptions, BlockProblem, BlockProgress, BlockReport, BlockSink, BlockSource, PlaneFile,
+    solve_in_blocks,
+};
 pub use error::{Error, Result};
 pub use exact::{Blend, Report, solve, solve_with_progress};
 pub use guidance::{CustomGuidance, Guidance, Strongest};

@@ -1,12 +1,14 @@
 //! Conjugate gradients in spline coefficients, one pass per operation: every option, any
 //! dimension, and the oracle of the fused version.
 
+use inr_core::cpu::{Kernel, dispatch};
 use rayon::prelude::*;
 
+use crate::axis::{End, ghost};
 use crate::cg::System;
 use crate::multigrid::{Multigrid, Vectors};
 use crate::operator::SplineOperator;
-use crate::tile::{Beyond, Frame};
+use crate::tile::Frame;
 
 /// Symmetric 5-tap stand-in for `P^-1` along one axis: condition 2.19 against the 5-point
 /// Laplacian, where the exact recursion has 2.24.
@@ -120,7 +122,7 @@ pub fn row_weight<const D: usize>(frame: &Frame<D>, mut row: usize) -> f64 {
 
 /// 1/2 on a mirror border, 1 elsewhere. An axis with one sample has no border.
 fn border_weight<const D: usize>(frame: &Frame<D>, d: usize, i: usize) -> f64 {
-    use crate::axis::End::Mirror;
+    use End::Mirror;
     let n = frame.shape[d];
     let half =
         n > 1 && (i == 0 && frame.ends[d][0] == Mirror || i + 1 == n && frame.ends[d][1] == Mirror);
@@ -166,29 +168,88 @@ pub fn lanes_dot(a: &[f32], b: &[f32]) -> f64 {
 /// `dst = F src` along every axis; `spare` is a work vector.
 fn filter<const D: usize>(frame: &Frame<D>, src: &[f32], dst: &mut [f32], spare: &mut Vec<f32>) {
     spare.resize(src.len(), 0.0);
-    spare.copy_from_slice(src);
+    let mut inner = 1;
     for axis in 0..D {
-        dst.par_chunks_mut(frame.slab_len()).enumerate().for_each_init(
-            Vec::new,
-            |buffer, (slab, dst)| {
-                for tile in frame.tiles(slab, 2) {
-                    tile.load(spare, Beyond::Zero, buffer);
-                    let stride = tile.strides()[axis];
-                    for (local, global) in tile.core_rows() {
-                        for i in 0..tile.core[0] {
-                            let at = |k: isize| {
-                                buffer[(local + i).wrapping_add_signed(k * stride as isize)]
-                            };
-                            dst[global + i] = FILTER[0] * at(0)
-                                + FILTER[1] * (at(-1) + at(1))
-                                + FILTER[2] * (at(-2) + at(2));
-                        }
-                    }
-                }
-            },
-        );
-        if axis + 1 < D {
-            spare.copy_from_slice(dst);
+        let ends = frame.ends[axis];
+        // Buffers take turns so that the last axis writes `dst`.
+        let last_in_dst = (D - 1 - axis).is_multiple_of(2);
+        let (from, to) =
+            if last_in_dst { (&spare[..], &mut *dst) } else { (&*dst, &mut spare[..]) };
+        let from = if axis == 0 { src } else { from };
+        let n = frame.shape[axis];
+        let rows = CHUNK.div_ceil(inner.max(frame.shape[0]));
+        if axis == 0 {
+            let lines = to.par_chunks_mut(rows * n).zip(from.par_chunks(rows * n));
+            lines.for_each_init(Vec::new, |padded, (to, from)| {
+                dispatch(FilterLines { n, ends, from, to, padded });
+            });
+        } else {
+            to.par_chunks_mut(rows * inner).enumerate().for_each(|(task, to)| {
+                dispatch(FilterRows { n, ends, inner, from, first: task * rows, to });
+            });
+        }
+        inner *= n;
+    }
+}
+
+/// The filter along contiguous lines of `n` samples.
+struct FilterLines<'a> {
+    n: usize,
+    ends: [End; 2],
+    from: &'a [f32],
+    to: &'a mut [f32],
+    padded: &'a mut Vec<f32>,
+}
+
+impl Kernel for FilterLines<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { n, ends, from, to, padded } = self;
+        padded.resize(n + 4, 0.0);
+        let beyond = [-2, -1, n as isize, n as isize + 1].map(|i| (i, ghost(i, n, ends)));
+        for (from, to) in from.chunks_exact(n).zip(to.chunks_exact_mut(n)) {
+            padded[2..n + 2].copy_from_slice(from);
+            for (i, inside) in beyond {
+                padded[(i + 2) as usize] = inside.map_or(0.0, |i| from[i]);
+            }
+            let (a, b, c) = (&padded[..n], &padded[1..][..n], &padded[2..][..n]);
+            let (d, e) = (&padded[3..][..n], &padded[4..][..n]);
+            for i in 0..n {
+                to[i] = FILTER[0] * c[i] + FILTER[1] * (b[i] + d[i]) + FILTER[2] * (a[i] + e[i]);
+            }
+        }
+    }
+}
+
+/// The filter along an axis of `n` rows of `inner` samples each, on some of all rows.
+struct FilterRows<'a> {
+    n: usize,
+    ends: [End; 2],
+    inner: usize,
+    from: &'a [f32],
+    first: usize,
+    to: &'a mut [f32],
+}
+
+impl Kernel for FilterRows<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { n, ends, inner, from, first, to } = self;
+        for (row, to) in to.chunks_exact_mut(inner).enumerate() {
+            let (line, i) = ((first + row) / n, (first + row) % n);
+            let shift = |k: isize| {
+                let inside = ghost(i as isize + k, n, ends);
+                // Where there is nothing the row itself is read, without weight.
+                let row = &from[(line * n + inside.unwrap_or(i)) * inner..][..inner];
+                (row, FILTER[k.unsigned_abs()] * f32::from(inside.is_some()))
+            };
+            let ((a, ta), (b, tb), (c, tc)) = (shift(-2), shift(-1), shift(0));
+            let ((d, td), (e, te)) = (shift(1), shift(2));
+            for i in 0..inner {
+                to[i] = tc * c[i] + (tb * b[i] + td * d[i]) + (ta * a[i] + te * e[i]);
+            }
         }
     }
 }

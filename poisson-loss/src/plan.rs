@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::axis::End;
 use crate::problem::{Problem, Support};
 use crate::tile::Frame;
-use crate::{Error, Objective, Result};
+use crate::{Error, Objective, Options, Result};
 
 /// Coefficients solved for beyond the region where nothing decays slowly: the B-spline's own
 /// decay, `0.268^8 = 3e-5`, times a change that is fixed a few samples further in.
@@ -27,6 +27,20 @@ fn decay_lengths(tolerance: f32) -> f32 {
     (-tolerance.ln() - 2.0).max(1.0)
 }
 
+/// Samples around the region in which the change fades below the tolerance.
+pub fn margin<const D: usize>(
+    domain: &Domain<D>,
+    options: &Options,
+    length: Option<f32>,
+) -> [usize; D] {
+    let paper = matches!(options.objective, Objective::Paper { .. });
+    std::array::from_fn(|d| {
+        let decay =
+            length.map_or(0.0, |l| l / domain.pitch()[d] * decay_lengths(options.tolerance));
+        decay.ceil().min(1e9) as usize + if paper { PAPER_MARGIN } else { MARGIN }
+    })
+}
+
 /// Weights of the quadratic form on the box that is solved for. One value per sample cell.
 pub struct Plan<const D: usize> {
     /// First background sample of the box.
@@ -37,8 +51,8 @@ pub struct Plan<const D: usize> {
     pub h_ref: f32,
     /// Region weight.
     pub region: Vec<f32>,
-    /// How much of the guidance is followed: the region weight, faded by `feather`.
-    pub guide: Vec<f32>,
+    /// How much of the guidance is followed: the region weight, faded by `feather`. Empty where it is the region weight; see [`Plan::guide`].
+    faded: Vec<f32>,
     /// Weight of `|c - c_S|^2`.
     pub colour: Vec<f32>,
     /// What that weight is outside the region before `ramp` and `band`.
@@ -78,16 +92,7 @@ impl<const D: usize> Plan<D> {
             }
             _ => None,
         };
-        let margin: [usize; D] = std::array::from_fn(|d| {
-            let decay =
-                length.map_or(0.0, |l| l / domain.pitch()[d] * decay_lengths(options.tolerance));
-            let fixed = if matches!(options.objective, Objective::Paper { .. }) {
-                PAPER_MARGIN
-            } else {
-                MARGIN
-            };
-            decay.ceil().min(1e9) as usize + fixed
-        });
+        let margin = margin(&domain, options, length);
         let (start, frame) = solved_box(&domain, &support, margin);
         let boxed = domain.cropped(start, frame.shape).expect("a box inside a valid domain");
         let region = support.weights_on(start, frame.shape);
@@ -97,7 +102,7 @@ impl<const D: usize> Plan<D> {
             frame,
             alpha: domain.pitch().map(|h| (h_ref / h).powi(2)),
             h_ref,
-            guide: Vec::new(),
+            faded: Vec::new(),
             colour: Vec::new(),
             colour_outside: 0.0,
             keep: 0.0,
@@ -115,15 +120,50 @@ impl<const D: usize> Plan<D> {
         Ok(plan)
     }
 
+    /// The plan of one block of a larger screened problem of unit pitch, whose weights are known.
+    /// Everything begins at the block's first sample.
+    pub fn of_block(frame: Frame<D>, region: Vec<f32>, length: f32, keep: Option<f32>) -> Self {
+        let whole = Support {
+            start: [0; D],
+            shape: frame.shape,
+            weight: region,
+            measure: 0.0,
+            warnings: Vec::new(),
+        };
+        let (measured, region) = whole.measured();
+        let colour_outside = length.powi(-2);
+        Self {
+            start: [0; D],
+            frame,
+            alpha: [1.0; D],
+            h_ref: 1.0,
+            faded: Vec::new(),
+            colour: region.par_iter().map(|m| colour_outside * (1.0 - m)).collect(),
+            colour_outside,
+            keep: keep.map_or(0.0, |l| l.powi(-2)),
+            gamma: Vec::new(),
+            free: Vec::new(),
+            measure: measured.measure,
+            total: frame.len(),
+            length: Some(length),
+            region,
+            support: measured,
+            warnings: Vec::new(),
+        }
+    }
+
     /// Fades the guidance over `feather` inside the region's edge.
     fn set_guide(&mut self, boxed: &Domain<D>, feather: f32) {
-        self.guide = self.region.clone();
         if feather > 0.0 {
             let inside = distance_to(boxed, |k| self.region[k] < 0.5);
-            for (g, d) in self.guide.iter_mut().zip(inside) {
-                *g *= (d / feather).min(1.0);
-            }
+            let fade = |(m, d): (&f32, f32)| m * (d / feather).min(1.0);
+            self.faded = self.region.iter().zip(inside).map(fade).collect();
         }
+    }
+
+    /// How much of the guidance is followed: the region weight, faded by `feather`.
+    pub fn guide(&self) -> &[f32] {
+        if self.faded.is_empty() { &self.region } else { &self.faded }
     }
 
     fn set_weights<const C: usize>(&mut self, boxed: &Domain<D>, problem: &Problem<'_, D, C>) {
@@ -175,7 +215,11 @@ pub fn ramp(distance: f32, scale: f32) -> f32 {
 
 /// Largest distance of a region sample to a sample outside, in physical units. Samples beyond the
 /// signal do not count as outside.
-fn default_length<const D: usize>(domain: &Domain<D>, support: &Support<D>, h_ref: f32) -> f32 {
+pub fn default_length<const D: usize>(domain: &Domain<D>, support: &Support<D>, h_ref: f32) -> f32 {
+    if D == 1 {
+        let depth = depth_of_line(&support.weight, support.start[0], domain.shape()[0]);
+        return (DEFAULT_LENGTH * depth as f32 * domain.pitch()[0]).max(LEAST_LENGTH * h_ref);
+    }
     let (start, frame) = solved_box(domain, support, [1; D]);
     let weight = support.weights_on(start, frame.shape);
     let boxed = domain.cropped(start, frame.shape).expect("a box inside a valid domain");
@@ -184,6 +228,27 @@ fn default_length<const D: usize>(domain: &Domain<D>, support: &Support<D>, h_re
         .filter(|d| d.is_finite())
         .fold(0.0f32, f32::max);
     (DEFAULT_LENGTH * inradius).max(LEAST_LENGTH * h_ref)
+}
+
+/// Samples from the deepest sample inside a line's region to the nearest one outside. `weight` begins
+/// at sample `start` of `n`.
+fn depth_of_line(weight: &[f32], start: usize, n: usize) -> usize {
+    let (mut deepest, mut from) = (0, 0);
+    while from < weight.len() {
+        let inside = weight[from] >= 0.5;
+        let run = weight[from..].iter().take_while(|w| (**w >= 0.5) == inside).count();
+        if inside {
+            // A run that ends with the signal has its outside on the other side.
+            let (at_start, at_end) = (start + from == 0, start + from + run == n);
+            deepest = deepest.max(match (at_start, at_end) {
+                (true, true) => 0,
+                (false, false) => run.div_ceil(2),
+                _ => run,
+            });
+        }
+        from += run;
+    }
+    deepest
 }
 
 /// The support widened by `margin`. A side that comes within reach of the signal's border is the
@@ -240,4 +305,27 @@ fn erode<const D: usize>(frame: &Frame<D>, region: &[f32]) -> Vec<bool> {
         stride *= n;
     }
     free
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_of_a_line_is_that_of_the_distance_transform() {
+        let lines: [&[f32]; 6] = [
+            &[0.0, 1.0, 1.0, 1.0, 0.0, 0.6, 0.0],
+            &[1.0, 1.0, 0.4, 1.0, 1.0, 1.0],
+            &[0.0, 0.3, 0.0],
+            &[1.0, 1.0, 1.0],
+            &[0.0, 1.0, 1.0, 1.0, 1.0, 0.0],
+            &[1.0],
+        ];
+        for line in lines {
+            let domain = Domain::<1>::unit([line.len()]).unwrap();
+            let distances = distance_to(&domain, |k| line[k] < 0.5).into_iter();
+            let want = distances.filter(|d| d.is_finite()).fold(0.0f32, f32::max);
+            assert_eq!(depth_of_line(line, 0, line.len()) as f32, want, "{line:?}");
+        }
+    }
 }

@@ -53,6 +53,9 @@ pub(crate) struct Support<const D: usize> {
     pub warnings: Vec<String>,
 }
 
+/// Samples of a row that one task weighs.
+const ROW_PIECE: usize = 1 << 16;
+
 /// The patch's lattice is the background's, shifted by whole samples.
 pub(crate) fn aligned_shift<const D: usize>(
     background: &Domain<D>,
@@ -109,7 +112,19 @@ impl<const D: usize, const C: usize> Problem<'_, D, C> {
     /// [`Error::EmptyRegion`] and [`Error::NotFinite`].
     pub(crate) fn support(&self) -> Result<Support<D>> {
         let domain = *self.background.domain();
-        let (reach, cut) = self.reach_of_patch();
+        let (mut reach, cut) = self.reach_of_patch();
+        if let Some([low, high]) = self.region.bounds() {
+            for d in 0..D {
+                let (origin, pitch) = (f64::from(domain.origin()[d]), f64::from(domain.pitch()[d]));
+                // Corners are f32: wider by their rounding and a sample; casts saturate.
+                let slack = |v: f32| f64::from(v.abs()) * f64::from(f32::EPSILON) / pitch + 2.0;
+                let index = |v: f32| (f64::from(v) - origin) / pitch;
+                let low = (index(low[d]) - slack(low[d])) as usize;
+                let high = (index(high[d]) + slack(high[d]) + 1.0) as usize;
+                let end = reach[d].end.min(high);
+                reach[d] = reach[d].start.max(low).min(end)..end.max(reach[d].start);
+            }
+        }
         let mut support = Support {
             start: std::array::from_fn(|d| reach[d].start),
             shape: std::array::from_fn(|d| reach[d].len()),
@@ -136,23 +151,26 @@ impl<const D: usize, const C: usize> Problem<'_, D, C> {
     fn region_weights(&self, domain: &Domain<D>, support: &Support<D>) -> Result<Vec<f32>> {
         use rayon::prelude::*;
         let mut weight = vec![0.0f32; support.shape.iter().product()];
-        let row_index = |mut row: usize| {
-            let mut index = support.start;
-            for d in 1..D {
-                index[d] += row % support.shape[d];
-                row /= support.shape[d];
+        let rows = &support.shape[1..];
+        let index_of = |row: usize, column: usize| {
+            let (mut index, mut rest) = (support.start, row);
+            index[0] += column;
+            for (d, n) in rows.iter().enumerate() {
+                index[d + 1] += rest % n;
+                rest /= n;
             }
             index
         };
-        let step = domain.pitch()[0];
-        let bad =
-            weight.par_chunks_mut(support.shape[0]).enumerate().find_map_first(|(row, out)| {
-                let mut index = row_index(row);
-                self.region.weights_along(&domain.position(index), step, out);
+        let n0 = support.shape[0];
+        // Long rows, as of sound, are pieces of work of their own.
+        let bad = weight.par_chunks_mut(n0).enumerate().find_map_first(|(row, out)| {
+            out.par_chunks_mut(ROW_PIECE).enumerate().find_map_first(|(piece, out)| {
+                let column = piece * ROW_PIECE;
+                self.region.weights_on(domain, index_of(row, column), out);
                 let i = out.iter().position(|w| !(0.0..=1.0).contains(w))?;
-                index[0] += i;
-                Some((index, out[i]))
-            });
+                Some((index_of(row, column + i), out[i]))
+            })
+        });
         match bad {
             None => Ok(weight),
             Some((_, value)) if value.is_finite() => {
@@ -170,14 +188,22 @@ impl<const D: usize> Support<D> {
     /// Sets the measure and returns the corners of the box that holds all positive weights.
     fn bounds(&mut self) -> ([usize; D], [usize; D]) {
         use rayon::prelude::*;
-        let row_bounds = |weights: &[f32]| {
+        let piece_bounds = |weights: &[f32]| {
             let first = weights.iter().position(|w| *w > 0.0)?;
             let last = weights.iter().rposition(|w| *w > 0.0)?;
-            Some((
-                first,
-                last + 1,
-                weights[first..=last].iter().map(|w| f64::from(*w)).sum::<f64>(),
-            ))
+            let sum = weights[first..=last].iter().map(|w| f64::from(*w)).sum::<f64>();
+            Some((first, last + 1, sum))
+        };
+        let row_bounds = |weights: &[f32]| {
+            if weights.len() <= ROW_PIECE {
+                return piece_bounds(weights);
+            }
+            let pieces: Vec<_> = weights.par_chunks(ROW_PIECE).map(piece_bounds).collect();
+            let placed = |(k, piece): (usize, Option<(usize, usize, f64)>)| {
+                piece.map(|(a, b, sum)| (a + k * ROW_PIECE, b + k * ROW_PIECE, sum))
+            };
+            let pieces = pieces.into_iter().enumerate().filter_map(placed);
+            pieces.reduce(|one, next| (one.0, next.1, one.2 + next.2))
         };
         let rows: Vec<_> = self.weight.par_chunks(self.shape[0]).map(row_bounds).collect();
         let (mut lo, mut hi) = (self.shape, [0; D]);
@@ -193,6 +219,17 @@ impl<const D: usize> Support<D> {
             }
         }
         (lo, hi)
+    }
+
+    /// The smallest box that holds this one's region, without weights; and these.
+    pub(crate) fn measured(mut self) -> (Self, Vec<f32>) {
+        let (lo, hi) = self.bounds();
+        let weight = std::mem::take(&mut self.weight);
+        for d in 0..D {
+            self.start[d] += lo[d].min(hi[d]);
+            self.shape[d] = hi[d].saturating_sub(lo[d]);
+        }
+        (self, weight)
     }
 
     /// The part of this box that begins at `lo` (relative to it).
@@ -253,7 +290,9 @@ pub(crate) fn copy_box<const D: usize>(
             dst[k] = columns[k].map_or(0.0, |i| src[i]);
         }
         if let Some(from) = columns[first] {
-            dst[first..first + straight].copy_from_slice(&src[from..from + straight]);
+            let pieces = dst[first..first + straight].par_chunks_mut(ROW_PIECE);
+            let sources = src[from..from + straight].par_chunks(ROW_PIECE);
+            pieces.zip(sources).for_each(|(dst, src)| dst.copy_from_slice(src));
         }
     });
     dst

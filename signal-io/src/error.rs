@@ -5,8 +5,8 @@ use crate::SampleType;
 
 /// What can be wrong with a file, a request or a picture.
 ///
-/// Every error that comes from a file names the file and says what to do next; errors of pictures
-/// in memory ([`Error::ChannelCount`], [`Error::Shape`]) leave the name to the caller.
+/// Every error that comes from a file names the file and says what to do next; errors of signals
+/// in memory ([`Error::ChannelCount`], [`Error::Shape`], [`Error::Audio`]) leave the name to the caller.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -27,7 +27,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// Neither the content nor the extension belongs to a format known for this direction.
-    #[error("{}: unknown image format {extension:?}; use one of: {known}", path.display())]
+    #[error("{}: unknown format {extension:?}; use one of: {known}", path.display())]
     UnsupportedFormat {
         /// The file.
         path: PathBuf,
@@ -118,6 +118,22 @@ pub enum Error {
         /// What does not fit, with both values.
         what: String,
     },
+    /// Samples, channels and rate of audio in memory do not belong together.
+    #[error("bad audio: {what}")]
+    Audio {
+        /// What does not fit, with both values.
+        what: String,
+    },
+    /// The format is known, but its decoder was left out when the program was built.
+    #[error("{}: reading {format} needs the feature {feature}, which this build is without; build with --features {feature} or convert the file to WAV", path.display())]
+    FeatureOff {
+        /// The file.
+        path: PathBuf,
+        /// The name of its format.
+        format: &'static str,
+        /// The cargo feature of this crate.
+        feature: &'static str,
+    },
     /// The target is there already.
     #[error("{} exists; choose another name or allow overwriting (force)", path.display())]
     Exists {
@@ -137,6 +153,48 @@ pub enum Error {
     NotAFile {
         /// The target.
         path: PathBuf,
+    },
+    /// One file of a series is not like the others.
+    #[error("{} does not fit to {}: {what}; bring it to the same size and channels, or take it out", path.display(), first.display())]
+    Mismatch {
+        /// The odd file.
+        path: PathBuf,
+        /// The first file of the series.
+        first: PathBuf,
+        /// What differs, with both values.
+        what: String,
+    },
+    /// A number is left out in the names of a sequence.
+    #[error("{} is missing from its sequence; add it, or use a pattern with * instead of the number, which allows gaps", path.display())]
+    MissingFrame {
+        /// The file that should be there.
+        path: PathBuf,
+    },
+    /// A picture cannot be divided into lenslets.
+    #[error("{} holds no light field: {what}; give the numbers of views across and down, whose multiples its size must be", path.display())]
+    NotLenslets {
+        /// The picture.
+        path: PathBuf,
+        /// What does not fit, with its size.
+        what: String,
+    },
+    /// A name in a folder of views does not say where its view belongs.
+    #[error("{} has no place in a grid of views: {what}; name views by row and column, as view_03_04.png, or give a pattern as *_%d_%d.png", path.display())]
+    NoPlace {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with its name.
+        what: String,
+    },
+    /// The views in a folder do not fill a grid.
+    #[error("{} has no view for row {row}, column {column} of its grid; add it, or take out the views beside it", path.display())]
+    MissingView {
+        /// The folder.
+        path: PathBuf,
+        /// The first number in the names of its row.
+        row: u64,
+        /// The second number.
+        column: u64,
     },
 }
 

@@ -1,8 +1,9 @@
 //! Reading and writing natural signals in floating point.
 //!
 //! A picture in any of the usual formats becomes an [`Image`]: planes of `f32` with names, and with
-//! what is needed to write it back as it was (number type, encoding, colour profile). Nothing a file
-//! says is believed before it is checked, and a target is replaced completely or not at all.
+//! what is needed to write it back as it was (number type, encoding, colour profile); sound becomes
+//! an [`Audio`], scans a [`Volume`], films a [`Video`], pictures from a grid of cameras a [`LightField`]. Nothing a file says is believed before it is checked, and a target is replaced
+//! completely or not at all.
 //!
 //! ```
 //! use signal_io::{Image, ReadOptions, WriteOptions, check_target, read_image, write_image};
@@ -56,13 +57,43 @@
 //!
 //! *Orientation.* That of EXIF (JPEG, PNG, WebP), TIFF and Radiance is applied when reading.
 //!
+//! # Sound
+//! An [`Audio`] has one plane of `f32` per channel and a sampling rate; 1 is full scale.
+//!
+//! | format | extensions | read as | written as | feature |
+//! |---|---|---|---|---|
+//! | WAV | wav, wave | 8, 16, 24, 32 bit, float; 1 to 8 channels | the same | |
+//! | FLAC | flac | up to 32 bit; checksums are verified | not | `compressed-audio` |
+//! | Ogg Vorbis | ogg, oga | float | not | `compressed-audio` |
+//! | MP3 | mp3 | float; layer III | not | `compressed-audio` |
+//!
+//! Integers of `b` bits are scaled by `2^(1 - b)`, floats stay as they are, be they beyond 1 or NaN.
+//! Writing rounds to nearest without dither; [`AudioReport::clipped`] counts what did not fit.
+//! WAV files whose length was not known while writing are read to their end; other files that are
+//! cut short are errors, except for Ogg and MP3, which give what is there. Delay and padding of
+//! encoders are cut off where the file states them. Left out are files of more than 4 GiB (RF64),
+//! ADPCM and other encodings inside WAV, double floats, chained Ogg streams, tags, cue points and loops.
+//!
+//! Sound is resampled ([`Audio::resampled`]), measured ([`Audio::peak`], [`Audio::mean`],
+//! [`Audio::loudness`], [`Audio::click_energy`]) and taken apart into spectra over time ([`Stft`]).
+//!
+//! # Volumes
+//! [`read_volume`] and [`write_volume`] keep values as they are (an integer 200 is 200, slope and intercept of the file
+//! applied) and the place of the voxels in millimetres.
+//!
+//! | format | extensions | read and written as |
+//! |---|---|---|
+//! | NIfTI-1, NIfTI-2 | nii, nii.gz | integers of 8 to 32 bits, float, double; both byte orders; header and extensions are kept |
+//! | npy | npy | (Z, Y, X) or (Z, Y, X, C); integers of 8 to 32 bits, f4, f8; both orders; voxels of 1 mm |
+//!
 //! # What is left out
 //! * Profiles are carried, not interpreted: the sRGB curve stands in for the curve of any profile, and
 //!   the primaries of EXR files and the gamma of PNG files are ignored.
 //! * Alpha stays as stored. EXR multiplies it into the colours by custom, PNG does not; going from
 //!   one to the other changes nothing in the numbers.
-//! * Only the first frame of animations, the first page of TIFF, the first layer and the largest
-//!   resolution of EXR are read; the data window's offset is dropped. Deep and subsampled EXR, CMYK,
+//! * As a picture, only the first frame of animations (as a [`Video`] all), the first page of TIFF, the
+//!   largest resolution and the layers of the first one's size of EXR are read; the data window's
+//!   offset is dropped. Deep and subsampled EXR, CMYK,
 //!   palette and YCbCr TIFF are [`Error::UnsupportedFeature`].
 //! * Texts, dates and other metadata are not carried.
 //!
@@ -74,20 +105,43 @@
 //! Altered pixels go unnoticed where a format has no checksum; PNG has.
 
 mod atomic;
+mod audio;
 mod budget;
 mod codec;
 mod error;
 mod format;
 mod image;
+mod light_field;
 mod plan;
 mod read;
+mod sniff;
+mod strip;
 mod transfer;
+mod video;
+mod volume;
 mod write;
 
 pub use crate::atomic::write_atomic;
+pub use crate::audio::{
+    Audio, AudioFormat, AudioReport, AudioSample, AudioWriteOptions, Complex32, Stft,
+    check_audio_target, decode_audio, read_audio, write_audio,
+};
 pub use crate::error::{Error, Result};
 pub use crate::format::{Format, SampleType};
 pub use crate::image::Image;
+pub use crate::light_field::{
+    LightField, LightFieldFormat, LightFieldReadOptions, LightFieldReport, LightFieldWriteOptions,
+    check_light_field_target, decode_light_field, read_light_field, write_light_field,
+};
 pub use crate::read::{ReadOptions, decode_image, read_image};
+pub use crate::sniff::{is_animation, is_view_grid};
 pub use crate::transfer::{Transfer, linear_to_srgb, srgb_to_linear};
+pub use crate::video::{
+    Timing, Video, VideoFormat, VideoReport, VideoWriteOptions, check_video_target, decode_video,
+    read_video, write_video,
+};
+pub use crate::volume::{
+    Affine, Scaling, Volume, VolumeFormat, VolumeReport, VolumeWriteOptions, VoxelType,
+    check_volume_target, decode_volume, read_volume, write_volume,
+};
 pub use crate::write::{WriteOptions, WriteReport, check_target, check_write, write_image};

@@ -25,7 +25,7 @@ impl Default for ReadOptions {
 }
 
 /// Bytes that decide the format.
-const HEAD: usize = 16;
+pub(crate) const HEAD: usize = 16;
 
 /// Reads a picture. The format is found from the content; the extension counts only when the
 /// content is unknown, and then only for a better message.
@@ -42,12 +42,22 @@ const HEAD: usize = 16;
 /// [`Error::Corrupt`], [`Error::TooLarge`], [`Error::OutOfMemory`] and [`Error::Empty`].
 pub fn read_image(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> {
     let path = path.as_ref();
+    let (format, bytes) = read_bytes(path, options, |head| find_format(path, head))?;
+    decode(path, format, &bytes, options)
+}
+
+/// The bytes of a file of bounded length, after `accept` has agreed to its first [`HEAD`] bytes.
+pub(crate) fn read_bytes<T>(
+    path: &Path,
+    options: &ReadOptions,
+    accept: impl FnOnce(&[u8]) -> Result<T>,
+) -> Result<(T, Vec<u8>)> {
     let io_error = |source| Error::io(path, "read", source);
     let mut file = File::open(path).map_err(io_error)?;
     let length = file.metadata().map_err(io_error)?.len();
     let mut bytes = Vec::new();
     (&mut file).take(HEAD as u64).read_to_end(&mut bytes).map_err(io_error)?;
-    let format = find_format(path, &bytes)?;
+    let accepted = accept(&bytes)?;
 
     // Twice the picture: float64 arrays are that large. 1 MiB: headers and profiles of small ones.
     let limit = options.limit_bytes.saturating_mul(2).saturating_add(1 << 20);
@@ -61,7 +71,7 @@ pub fn read_image(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image
         let needed = bytes.len() as u64;
         return Err(Error::TooLarge { path: path.to_path_buf(), needed, limit });
     }
-    decode(path, format, &bytes, options)
+    Ok((accepted, bytes))
 }
 
 /// The same for a file that is in memory already; `name` stands for the path in messages.
@@ -73,7 +83,8 @@ pub fn decode_image(name: impl AsRef<Path>, bytes: &[u8], options: &ReadOptions)
     decode(name.as_ref(), format, bytes, options)
 }
 
-fn find_format(path: &Path, head: &[u8]) -> Result<Format> {
+/// The format that the first bytes show or, failing that, the name.
+pub(crate) fn find_format(path: &Path, head: &[u8]) -> Result<Format> {
     if head.is_empty() {
         return Err(Error::Empty { path: path.to_path_buf() });
     }

@@ -57,7 +57,17 @@ pub(crate) fn round_trip(extension: &str, image: &Image, options: &WriteOptions)
 
 /// The folder of sample pictures, where there is one.
 pub(crate) fn sample_data() -> Option<PathBuf> {
-    let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/2d"));
+    sample_folder("2d")
+}
+
+/// The folder of sample recordings, where there is one.
+pub(crate) fn sample_sounds() -> Option<PathBuf> {
+    sample_folder("1d")
+}
+
+fn sample_folder(name: &str) -> Option<PathBuf> {
+    let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data"));
+    let folder = folder.join(name);
     let found = folder.is_dir().then_some(folder);
     if found.is_none() {
         println!("skipped: no sample data");

@@ -1,4 +1,4 @@
-use crate::{Error, Region, Result};
+use crate::{Domain, Error, Region, Result};
 
 /// An axis-aligned box: interval, rectangle, cuboid.
 ///
@@ -56,6 +56,33 @@ impl<const D: usize> Region<D> for BoxRegion<D> {
         }
         if nearest_face < 0.0 { nearest_face } else { outside }
     }
+
+    /// A sample within 1e-4 samples of a face lies on it, and so outside.
+    fn weights_on(&self, lattice: &Domain<D>, start: [usize; D], weights: &mut [f32]) {
+        const SLACK: f64 = 1e-4;
+        let faces = |d: usize| {
+            let (origin, pitch) = (f64::from(lattice.origin()[d]), f64::from(lattice.pitch()[d]));
+            [self.min[d], self.max[d]].map(|v| (f64::from(v) - origin) / pitch)
+        };
+        weights.fill(0.0);
+        for d in 1..D {
+            let ([low, high], i) = (faces(d), start[d] as f64);
+            if i <= low + SLACK || i >= high - SLACK {
+                return;
+            }
+        }
+        let [low, high] = faces(0).map(|v| v - start[0] as f64);
+        // Casts saturate: a box that begins before the row begins with it.
+        let first = ((low + SLACK).floor() + 1.0) as usize;
+        let end = ((high - SLACK).ceil() as usize).min(weights.len());
+        if first < end {
+            weights[first..end].fill(1.0);
+        }
+    }
+
+    fn bounds(&self) -> Option<[[f32; D]; 2]> {
+        Some([self.min, self.max])
+    }
 }
 
 #[cfg(test)]
@@ -100,6 +127,33 @@ mod tests {
             check([min[0], min[1]], [size[0], size[1]], [x[0], x[1]]);
             check(min, size, x);
         }
+    }
+
+    #[test]
+    fn weights_on_a_lattice_are_those_of_its_positions() {
+        let lattice = Domain::new([9, 7], [0.5, 2.0], [-1.0, 3.0], crate::Unit::Sample).unwrap();
+        for (min, max) in
+            [([-0.9, 4.0], [1.5, 9.5]), ([-9.0, 0.0], [9.0, 5.1]), ([0.1; 2], [0.2; 2])]
+        {
+            let region = BoxRegion::new(min, max).unwrap();
+            for (i, j) in [(0, 0), (3, 1), (0, 2), (5, 3), (8, 6)] {
+                let mut got = vec![7.0; 9 - i];
+                region.weights_on(&lattice, [i, j], &mut got);
+                let want: Vec<f32> =
+                    (i..9).map(|k| region.weight(&lattice.position([k, j]))).collect();
+                assert_eq!(got, want, "{region:?} from {i}, {j}");
+            }
+        }
+    }
+
+    #[test]
+    fn samples_beyond_the_integers_of_f32_are_told_apart() {
+        let (first, lattice) = (1usize << 27, Domain::unit([1 << 28]).unwrap());
+        let region = BoxRegion::new([first as f32], [(first + 16) as f32]).unwrap();
+        let mut weights = [0.0; 24];
+        region.weights_on(&lattice, [first - 3], &mut weights);
+        let inside = |k: usize| (4..19).contains(&k);
+        assert!((0..24).all(|k| (weights[k] == 1.0) == inside(k)), "{weights:?}");
     }
 
     #[test]

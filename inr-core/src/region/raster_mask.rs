@@ -156,22 +156,47 @@ impl<const D: usize> Region<D> for RasterMask<D> {
     }
 
     fn weights_along(&self, x: &[f32; D], step: f32, weights: &mut [f32]) {
+        let index = self.domain.to_index(x).map(f64::from);
+        self.weights_from(index, f64::from(step / self.domain.pitch()[0]), weights);
+    }
+
+    fn weights_on(&self, lattice: &Domain<D>, start: [usize; D], weights: &mut [f32]) {
+        let index = std::array::from_fn(|d| {
+            let i = self.domain.index_of(d, lattice, start[d]);
+            // A shift by whole samples in numbers of a few digits is one; halves stay halves.
+            if (i - i.round()).abs() < 1e-4 { i.round() } else { i }
+        });
+        let step = f64::from(lattice.pitch()[0] / self.domain.pitch()[0]);
+        self.weights_from(index, step, weights);
+    }
+
+    fn bounds(&self) -> Option<[[f32; D]; 2]> {
+        let edge = |d: usize, i: f64| {
+            let origin = f64::from(self.domain.origin()[d]);
+            (origin + i * f64::from(self.domain.pitch()[d])) as f32
+        };
+        let last: [f64; D] = self.domain.shape().map(|n| n as f64 - 0.5);
+        Some([std::array::from_fn(|d| edge(d, -0.5)), std::array::from_fn(|d| edge(d, last[d]))])
+    }
+}
+
+impl<const D: usize> RasterMask<D> {
+    /// The weights at a sample index and every `step` from there along axis 0.
+    fn weights_from(&self, index: [f64; D], step: f64, weights: &mut [f32]) {
         let (shape, strides) = (self.domain.shape(), self.domain.strides());
-        let index = self.domain.to_index(x);
-        let step = step / self.domain.pitch()[0];
         let mut row = 0;
         for d in 1..D {
             let nearest = (index[d] + 0.5).floor();
-            if !(nearest >= 0.0 && nearest < shape[d] as f32) {
+            if !(nearest >= 0.0 && nearest < shape[d] as f64) {
                 return weights.fill(0.0);
             }
             row += nearest as usize * strides[d];
         }
         let row = &self.weights[row..row + shape[0]];
-        if (step - 1.0).abs() * (weights.len() as f32) < 1e-3 {
+        if (step - 1.0).abs() * (weights.len() as f64) < 1e-3 {
             // The mask's own pitch: a shifted copy.
             let first = (index[0] + 0.5).floor() as isize;
-            let skip = (-first).clamp(0, weights.len() as isize) as usize;
+            let skip = first.saturating_neg().clamp(0, weights.len() as isize) as usize;
             let source = row.get(first.max(0) as usize..).unwrap_or(&[]);
             let n = source.len().min(weights.len() - skip);
             weights.fill(0.0);
@@ -180,7 +205,7 @@ impl<const D: usize> Region<D> for RasterMask<D> {
         }
         for (i, weight) in weights.iter_mut().enumerate() {
             // A negative index saturates to 0 in the cast and is sorted out by the comparison.
-            let nearest = (index[0] + i as f32 * step + 0.5).floor();
+            let nearest = (index[0] + i as f64 * step + 0.5).floor();
             *weight = if nearest >= 0.0 {
                 row.get(nearest as usize).copied().unwrap_or(0.0)
             } else {

@@ -7,7 +7,8 @@ use clap::Args;
 
 use super::Depth;
 use crate::field_kind::{FieldKind, FieldOptions};
-use crate::values::{self, Crop, Size};
+use crate::kind::SignalKind;
+use crate::values::{self, Crop, Size, Slice};
 
 /// Seed of a fit when none is given.
 pub const DEFAULT_SEED: u64 = 1;
@@ -78,8 +79,28 @@ impl FitArgs {
 #[derive(Debug, Args)]
 pub struct RenderArgs {
     /// A field over pictures (.safetensors), or any picture, which stands for the cubic spline
-    /// through its pixels.
+    /// through its pixels. Of a video one frame, of a light field one view, of a volume slices, of sound
+    /// the spectrogram.
     pub field: PathBuf,
+    /// The frame of a video to show, from 0; fractions lie between frames [default: the middle one].
+    #[arg(long, value_name = "T", value_parser = values::not_negative)]
+    pub frame: Option<f32>,
+    /// The view of a light field to show: column and row from 0; fractions lie between views [default: the middle].
+    #[arg(long, value_name = "U,V", value_parser = values::view)]
+    pub view: Option<[f32; 2]>,
+    /// Focus a light field on what moves by this many pixels from view to view; 0 is what does not move.
+    #[arg(long, value_name = "PX", value_parser = values::any_number, allow_hyphen_values = true)]
+    #[arg(conflicts_with = "view")]
+    pub refocus: Option<f32>,
+    /// The light field is a picture of lenslets with this many pixels across and down below each lens.
+    #[arg(long, value_name = "UxV", value_parser = values::size)]
+    pub lenslet: Option<Size>,
+    /// The slice of a volume to show: axis and number, as z:40 [default: the three through the middle].
+    #[arg(long, value_name = "AXIS:N", value_parser = values::slice)]
+    pub slice: Option<Slice>,
+    /// What the file is [default: what its name and content say].
+    #[arg(long, value_enum)]
+    pub kind: Option<SignalKind>,
     /// The picture; the extension says the format: png, jpg, tif, webp, pgm, ppm, pam, pfm, hdr, exr, npy.
     #[arg(short, long, value_name = "OUT", required_unless_present = "gradient")]
     pub output: Option<PathBuf>,

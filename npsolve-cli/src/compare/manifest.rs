@@ -135,7 +135,7 @@ impl Run<'_> {
         guidance: GuidanceName,
     ) -> Result<Table> {
         let [background, patch] = [&entry.background, &entry.patch].map(|p| self.folder.join(p));
-        let place = SceneArgs { mask, at: Some(entry.offset), ..self.args.scene.clone() };
+        let place = SceneArgs { mask, at: Some(entry.offset.into()), ..self.args.scene.clone() };
         let scene = Scene::read(&background, &patch, &place)?;
         let mut case = Case::new(name.to_owned(), scene, self.args)?;
         case.guidance = guidance;

@@ -70,7 +70,7 @@ fn from_manifest(path: &Path, names: &[String], count: usize) -> Result<Vec<Sett
             let name = mask.map_or(entry.name.clone(), |(m, _)| format!("{}/{m}", entry.name));
             let args = SceneArgs {
                 mask: mask.map(|(_, path)| folder.join(path)),
-                at: Some(entry.offset),
+                at: Some(entry.offset.into()),
                 ..SceneArgs::default()
             };
             let [background, patch] = [&entry.background, &entry.patch].map(|p| folder.join(p));

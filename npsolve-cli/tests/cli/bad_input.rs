@@ -127,7 +127,8 @@ fn options_out_of_range_are_usage_errors() {
     ] {
         refused(&folder, &format!("{pictures} {option}"), 2, &words);
     }
-    refused(&folder, "background.png patch.png --at 12 -o out.png", 2, &["X,Y"]);
+    refused(&folder, "background.png patch.png --at 12 -o out.png", 1, &["12 has 1", "has 2"]);
+    refused(&folder, "background.png patch.png --at 1;2 -o out.png", 2, &["X,Y"]);
     refused(&folder, "background.png", 2, &["PATCH"]);
     folder.run("").fails(2, &["Usage"]);
 }

@@ -57,7 +57,7 @@ fn result_is_the_librarys_bit_for_bit() {
 #[test]
 fn outside_is_untouched_bit_for_bit_in_either_encoding() {
     let folder = Folder::with_scene();
-    for (name, extra) in [("stored.png", ""), ("linear.png", "--blend-in linear")] {
+    for (name, extra) in [("stored.png", ""), ("linear.png", "--domain linear")] {
         // A short length and a small mask far from the left edge keep the solved box away from it.
         let run = folder.run(&format!("{BLEND} --length 0.2 {extra} -o {name} --json")).ok();
         let report: Value = serde_json::from_str(&run.stdout()).unwrap();

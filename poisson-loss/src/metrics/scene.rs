@@ -139,7 +139,7 @@ impl<'a, const D: usize, const C: usize> Scene<'a, D, C> {
             out.iter_mut().for_each(|v| *v += value);
             out
         };
-        self.guide = beyond(&plan.guide, 0.0);
+        self.guide = beyond(plan.guide(), 0.0);
         self.colour = beyond(&plan.colour, plan.colour_outside);
         if options.ramp {
             let distance = distance_to(&self.boxed(), |k| self.region[k] >= 0.5);

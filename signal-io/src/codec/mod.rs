@@ -3,15 +3,17 @@
 mod exr;
 mod hdr;
 mod jpeg;
-mod npy;
+pub(crate) mod npy;
 mod orientation;
 mod pfm;
 mod pnm;
-mod quantize;
+pub(crate) mod quantize;
 mod raster;
 mod tiff;
 
 use std::io::{Seek, Write};
+
+pub(crate) use self::raster::fault as raster_fault;
 
 use crate::budget::Budget;
 use crate::error::Fault;

@@ -17,24 +17,59 @@ const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// What the header says.
 #[derive(Debug, PartialEq)]
-struct Header {
+pub(crate) struct Header {
     /// Byte order, kind and size, as in `<f4`.
-    descr: String,
-    fortran_order: bool,
-    shape: Vec<u64>,
+    pub(crate) descr: String,
+    pub(crate) fortran_order: bool,
+    pub(crate) shape: Vec<u64>,
 }
 
 pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
     let (header, body) = split_header(bytes)?;
-    let (height, width, channels) = match header.shape[..] {
-        [h, w] => (h, w, 1),
-        [h, w, c] => (h, w, c),
+    match header.shape[..] {
+        [h, w] => decode_rows(&header, body, &[h], w, 1, budget),
+        [h, w, c] => decode_rows(&header, body, &[h], w, c, budget),
         _ => {
             let what = format!("shape {:?} (a picture is (H, W) or (H, W, C))", header.shape);
+            Err(Fault::Feature(what))
+        }
+    }
+}
+
+/// A light field with axes (V, U, Y, X) or (V, U, Y, X, C): its views one below the other, and
+/// `[U, V]`. `None` for arrays that a picture can be.
+pub(crate) fn decode_grid(
+    bytes: &[u8],
+    budget: &Budget,
+) -> Result<Option<(Image, [usize; 2])>, Fault> {
+    let (header, body) = split_header(bytes)?;
+    let (rows, w, c) = match header.shape[..] {
+        [_, _] | [_, _, _] => return Ok(None),
+        [v, u, h, w] => ([v, u, h], w, 1),
+        [v, u, h, w, c] => ([v, u, h], w, c),
+        _ => {
+            let what = format!(
+                "shape {:?} (a light field is (V, U, Y, X) or (V, U, Y, X, C))",
+                header.shape
+            );
             return Err(Fault::Feature(what));
         }
     };
+    let strip = decode_rows(&header, body, &rows, w, c, budget)?;
+    Ok(Some((strip, [rows[1] as usize, rows[0] as usize])))
+}
+
+/// A picture whose rows are counted by several axes, the slowest first.
+fn decode_rows(
+    header: &Header,
+    body: &[u8],
+    axes: &[u64],
+    width: u64,
+    channels: u64,
+    budget: &Budget,
+) -> Result<Image, Fault> {
     let (size, sample, convert) = number_type(&header.descr)?;
+    let height = axes.iter().fold(1, |product: u64, n| product.saturating_mul(*n));
     let count = budget.samples(width, height, channels)?;
     let expected = (count as u64).saturating_mul(size as u64);
     if body.len() as u64 != expected {
@@ -42,14 +77,23 @@ pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
         return Err(Fault::corrupt(format!("{expected} bytes of numbers expected, {found} found")));
     }
     let (w, h, c) = (width as usize, height as usize, channels as usize);
-    let at = |x: usize, y: usize, k: usize| match header.fortran_order {
-        true => y + h * (x + w * k),
-        false => (y * w + x) * c + k,
+    // The number of a row when the first axis is the fastest one.
+    let fortran_row = |y: usize| {
+        let slowest_first = axes.iter().rev().fold((y, 0), |(rest, row), n| {
+            let n = *n as usize;
+            (rest / n, row * n + rest % n)
+        });
+        slowest_first.1
     };
     let mut data = with_capacity(count)?;
     for k in 0..c {
         for y in 0..h {
-            data.extend((0..w).map(|x| at(x, y, k) * size).map(|i| convert(&body[i..i + size])));
+            let (start, step) = match header.fortran_order {
+                true => (fortran_row(y) + h * w * k, h),
+                false => (y * w * c + k, c),
+            };
+            let places = (0..w).map(|x| (start + x * step) * size);
+            data.extend(places.map(|i| convert(&body[i..i + size])));
         }
     }
     let mut image = Image::new(w, h, &usual_names(c), data)?;
@@ -82,7 +126,8 @@ fn number_type(descr: &str) -> Result<(usize, SampleType, Convert), Fault> {
     })
 }
 
-fn split_header(bytes: &[u8]) -> Result<(Header, &[u8]), Fault> {
+/// The header, and the numbers behind it.
+pub(crate) fn split_header(bytes: &[u8]) -> Result<(Header, &[u8]), Fault> {
     let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| Fault::corrupt("the magic is missing"))?;
     let (length, rest) = match *rest {
         [1, _, a, b, ref rest @ ..] => (usize::from(u16::from_le_bytes([a, b])), rest),
@@ -126,26 +171,26 @@ fn parse_header(text: &str) -> Result<Header, Fault> {
 }
 
 pub(super) fn encode(image: &Image, plan: &Plan, w: &mut impl Write) -> Result<usize, Fault> {
-    let (height, width, channels) = (image.height(), image.width(), image.channels().len());
+    encode_rows(image, &[image.height()], plan, w)
+}
+
+/// Writes a picture whose rows are counted by several axes, the slowest first.
+pub(crate) fn encode_rows(
+    image: &Image,
+    axes: &[usize],
+    plan: &Plan,
+    w: &mut impl Write,
+) -> Result<usize, Fault> {
+    debug_assert_eq!(axes.iter().product::<usize>(), image.height());
+    let (width, channels) = (image.width(), image.channels().len());
     let descr = match plan.sample {
         SampleType::U8 => "|u1",
         SampleType::U16 => "<u2",
         SampleType::F16 => "<f2",
         SampleType::F32 => "<f4",
     };
-    let shape = match channels {
-        1 => format!("({height}, {width})"),
-        _ => format!("({height}, {width}, {channels})"),
-    };
-    let mut header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
-    // The numbers shall start at a multiple of 64, after magic, version, length and a newline.
-    let used = MAGIC.len() + 4 + header.len() + 1;
-    header.extend(std::iter::repeat_n(' ', used.next_multiple_of(64) - used));
-    header.push('\n');
-    w.write_all(MAGIC)?;
-    w.write_all(&[1, 0])?;
-    w.write_all(&(header.len() as u16).to_le_bytes())?;
-    w.write_all(header.as_bytes())?;
+    let last = if channels == 1 { vec![width] } else { vec![width, channels] };
+    write_header(descr, &[axes, &last].concat(), w)?;
 
     macro_rules! numbers {
         ($convert:ident) => {{
@@ -162,6 +207,25 @@ pub(super) fn encode(image: &Image, plan: &Plan, w: &mut impl Write) -> Result<u
         SampleType::F16 => numbers!(to_f16),
         SampleType::F32 => numbers!(to_f32),
     })
+}
+
+/// Everything before the numbers of an array, the slowest axis first.
+pub(crate) fn write_header(
+    descr: &str,
+    shape: &[usize],
+    w: &mut impl Write,
+) -> std::io::Result<()> {
+    let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
+    let shape = format!("({})", shape.join(", "));
+    let mut header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
+    // The numbers shall start at a multiple of 64, after magic, version, length and a newline.
+    let used = MAGIC.len() + 4 + header.len() + 1;
+    header.extend(std::iter::repeat_n(' ', used.next_multiple_of(64) - used));
+    header.push('\n');
+    w.write_all(MAGIC)?;
+    w.write_all(&[1, 0])?;
+    w.write_all(&(header.len() as u16).to_le_bytes())?;
+    w.write_all(header.as_bytes())
 }
 
 #[cfg(test)]
@@ -210,6 +274,34 @@ mod tests {
         // Value (row 1, column 2, channel 1) is number 1 + 2 * (2 + 3 * 1) = 11 in Fortran order.
         assert_eq!(image.plane(1)[3 + 2], 11.0 / 255.0);
         assert_eq!(image.plane(0)[3], 1.0 / 255.0);
+    }
+
+    #[test]
+    fn light_fields_in_both_orders() {
+        // Axes (V, U, Y, X, C) of 2, 3, 2, 1, 2; numbers count in the order of the rows.
+        let shape = [2, 3, 2, 1, 2];
+        let body: Vec<u8> = (0..24).collect();
+        let mut columns = Vec::new();
+        for k in 0..24 {
+            // The k-th number in Fortran order, whose first axis is the fastest.
+            let mut rest = k;
+            let index = shape.map(|n| {
+                let i = rest % n;
+                rest /= n;
+                i
+            });
+            let c_order = index.iter().zip(shape).fold(0, |at, (i, n)| at * n + i);
+            columns.push(c_order as u8);
+        }
+        let read = |order, body: &[u8]| {
+            let text = "{'descr': '|u1', 'fortran_order': ORDER, 'shape': (2, 3, 2, 1, 2)}";
+            let bytes = file(1, &text.replace("ORDER", order), body);
+            decode_grid(&bytes, &Budget::new(1 << 20)).unwrap().unwrap()
+        };
+        let (by_rows, grid) = read("False", &body);
+        assert_eq!((grid, by_rows.height()), ([3, 2], 12));
+        assert_eq!(by_rows.plane(1)[5], 11.0 / 255.0);
+        assert_eq!(read("True", &columns), (by_rows, grid));
     }
 
     #[test]

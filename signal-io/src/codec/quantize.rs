@@ -3,13 +3,13 @@ use ::exr::prelude::f16;
 use crate::Image;
 
 /// Values of a number type, channels side by side, and how many colour values were clipped.
-pub(super) struct Quantized<T> {
-    pub(super) values: Vec<T>,
-    pub(super) clipped: usize,
+pub(crate) struct Quantized<T> {
+    pub(crate) values: Vec<T>,
+    pub(crate) clipped: usize,
 }
 
 /// Applies `convert` to every value, which answers the stored number and whether it was clipped.
-pub(super) fn interleave<T>(image: &Image, convert: impl Fn(f32) -> (T, bool)) -> Quantized<T> {
+pub(crate) fn interleave<T>(image: &Image, convert: impl Fn(f32) -> (T, bool)) -> Quantized<T> {
     let counts: Vec<bool> = image.channels().iter().map(|c| c != "A").collect();
     let planes: Vec<&[f32]> = (0..counts.len()).map(|c| image.plane(c)).collect();
     let mut values = Vec::with_capacity(image.as_planar().len());
@@ -25,13 +25,13 @@ pub(super) fn interleave<T>(image: &Image, convert: impl Fn(f32) -> (T, bool)) -
 }
 
 /// 0..1 to 0..=255, to nearest. Clipped when that nearest integer is out of range; NaN becomes 0.
-pub(super) fn to_u8(value: f32) -> (u8, bool) {
+pub(crate) fn to_u8(value: f32) -> (u8, bool) {
     let (v, clipped) = to_integer(value, 255.0);
     (v as u8, clipped)
 }
 
 /// 0..1 to 0..=65535, to nearest. Clipped when that nearest integer is out of range; NaN becomes 0.
-pub(super) fn to_u16(value: f32) -> (u16, bool) {
+pub(crate) fn to_u16(value: f32) -> (u16, bool) {
     let (v, clipped) = to_integer(value, 65_535.0);
     (v as u16, clipped)
 }
@@ -43,7 +43,7 @@ fn to_integer(value: f32, max: f32) -> (f32, bool) {
 }
 
 /// To half precision, to nearest even. Finite values beyond the largest half (65504) stay finite.
-pub(super) fn to_f16(value: f32) -> (f16, bool) {
+pub(crate) fn to_f16(value: f32) -> (f16, bool) {
     let half = f16::from_f32(value);
     match value.is_finite() && half.is_infinite() {
         true => (if value > 0.0 { f16::MAX } else { f16::MIN }, true),
@@ -52,7 +52,7 @@ pub(super) fn to_f16(value: f32) -> (f16, bool) {
 }
 
 /// As it is.
-pub(super) fn to_f32(value: f32) -> (f32, bool) {
+pub(crate) fn to_f32(value: f32) -> (f32, bool) {
     (value, false)
 }
 

@@ -117,7 +117,8 @@ fn drop_full_alpha(image: Image) -> Image {
     }
 }
 
-fn fault(error: ImageError) -> Fault {
+/// What the decoders of the `image` crate say.
+pub(crate) fn fault(error: ImageError) -> Fault {
     match error {
         ImageError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
             Fault::cut_short()

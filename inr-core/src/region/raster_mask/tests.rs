@@ -151,3 +151,30 @@ fn bad_weights_are_typed_errors() {
         assert!(matches!(error, Error::Parameter { .. }));
     }
 }
+
+#[test]
+fn weights_on_a_lattice_are_those_of_its_positions() {
+    let mask_domain = Domain::new([6, 5], [1.0, 0.5], [4.0, -2.0], crate::Unit::Sample).unwrap();
+    let weights = (0..30).map(|k| (k * 7 % 11) as f32 / 10.0).collect();
+    let mask = RasterMask::new(mask_domain, weights).unwrap();
+    for pitch in [[1.0, 0.5], [0.75, 1.0], [2.0, 0.25]] {
+        let lattice = Domain::new([20, 9], pitch, [0.125, -2.0], crate::Unit::Sample).unwrap();
+        for (i, j) in [(0, 0), (2, 3), (7, 1), (5, 8)] {
+            let mut got = vec![7.0; 20 - i];
+            mask.weights_on(&lattice, [i, j], &mut got);
+            let want: Vec<f32> = (i..20).map(|k| mask.weight(&lattice.position([k, j]))).collect();
+            assert_eq!(got, want, "pitch {pitch:?} from {i}, {j}");
+        }
+    }
+}
+
+#[test]
+fn samples_beyond_the_integers_of_f32_are_told_apart() {
+    let first = 1usize << 27;
+    let at = Domain::new([9], [1.0], [first as f32], crate::Unit::Sample).unwrap();
+    let mask = RasterMask::new(at, (1..10).map(|k| k as f32 / 10.0).collect()).unwrap();
+    let mut weights = [7.0; 15];
+    mask.weights_on(&Domain::unit([1 << 28]).unwrap(), [first - 3], &mut weights);
+    let want = |k: usize| if (3..12).contains(&k) { (k - 2) as f32 / 10.0 } else { 0.0 };
+    assert!((0..15).all(|k| weights[k] == want(k)), "{weights:?}");
+}
