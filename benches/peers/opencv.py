@@ -9,20 +9,16 @@ square, patch of n square, the whole rectangle less its border as mask), then `e
 per tolerance and length, warm like OpenCV. The first repetition is discarded.
 """
 import argparse
-import datetime
 import json
-import os
-import pathlib
-import platform
 import statistics
 import subprocess
-import sys
 import time
 
 import cv2
 import numpy as np
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+import machine
+
 THREADS = 2
 CASES = [("1e-4", "4"), ("1e-4", "0"), ("1e-6", "4"), ("1e-6", "0")]
 
@@ -55,32 +51,15 @@ def exact_seconds(program, n, tolerance, length):
     return json.loads(lines[-1])
 
 
-def cpu_model():
-    try:
-        for line in open("/proc/cpuinfo"):
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
-
-
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--sizes", type=int, nargs="+", default=[256, 512, 1024, 2048, 4096])
     parser.add_argument("--repeats", type=int, default=5, help="repetitions after the first")
-    parser.add_argument("--program", default=str(ROOT / "target/release/exact_timing"))
+    parser.add_argument("--program", default=str(machine.ROOT / "target/release/exact_timing"))
     parser.add_argument("--output", default=None)
     arguments = parser.parse_args()
     cv2.setNumThreads(THREADS)
-    commit = subprocess.run(["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"],
-                            capture_output=True, text=True).stdout.strip()
-    out = [
-        f"date      {datetime.date.today()}",
-        f"machine   {cpu_model()}, {os.cpu_count()} logical cores, {platform.system()}",
-        f"versions  npsolve {commit}, OpenCV {cv2.__version__}, NumPy {np.__version__}, "
-        f"Python {platform.python_version()}",
-        f"command   python benches/peers/opencv.py {' '.join(sys.argv[1:])}",
+    out = machine.header("opencv.py", f"OpenCV {cv2.__version__}, NumPy {np.__version__}") + [
         f"threads   {THREADS} each; {arguments.repeats} repetitions after a discarded one; seconds",
         "",
         f"{'n':>5} {'tolerance':>9} {'length':>7} {'iterations':>10} {'exact median':>12} {'min':>8} "
@@ -109,11 +88,7 @@ def main():
                    f"{least / peer_least:9.3f}")
             print(row, flush=True)
             out.append(row)
-    path = pathlib.Path(arguments.output or
-                        ROOT / f"benches/results/{datetime.date.today()}-exact-vs-opencv.txt")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(out) + "\n")
-    print(f"written to {path}")
+    machine.write(out, arguments.output, "exact-vs-opencv")
 
 
 if __name__ == "__main__":

@@ -74,6 +74,20 @@ pub enum Error {
         /// The value given.
         value: f32,
     },
+    /// The triangles of a mesh do not close a surface: it has no inside.
+    #[error(
+        "the mesh is open: {edges} of its edges do not join two triangles; close its holes, or use a part that is closed"
+    )]
+    OpenMesh {
+        /// Edges that an odd number of triangles share.
+        edges: usize,
+    },
+    /// A mesh has no triangles, or they refer to vertices that are not there.
+    #[error("bad mesh: {what}")]
+    Mesh {
+        /// What is wrong.
+        what: String,
+    },
     /// Bytes that are no safetensors file, or only the beginning of one.
     #[error("not a safetensors file, or one that was cut off: {reason}")]
     NotSafetensors {

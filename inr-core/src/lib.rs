@@ -8,7 +8,8 @@
 //! * [`Domain`]: a lattice of sample positions in physical space; [`Samples`]: the values on it;
 //! * [`Field`]: a function that gives values and [`Jet`]s (value and gradient) for batches of points;
 //! * [`Spline`]: the cubic B-spline through samples, the field of gridded signals;
-//! * [`Region`]: where something happens: painted masks, boxes, ellipsoids, and sets made of them;
+//! * [`Region`]: where something happens: painted masks, boxes, ellipsoids, closed triangle
+//!   meshes, and sets made of them;
 //! * [`Dual`] and [`Scalar`]: numbers that carry derivatives, with which a formula written once is
 //!   its own gradient ([`gradient`]) and, nested, its own second derivatives ([`Dual2`]).
 //!
@@ -117,7 +118,8 @@ pub use network::{
 };
 pub use prefilter::{mirror, prefilter};
 pub use region::{
-    BoxRegion, Complement, Ellipsoid, Intersection, RasterMask, Region, Translated, Union,
+    BoxRegion, Complement, Ellipsoid, Intersection, MeshRegion, RasterMask, Region, Translated,
+    Union,
 };
 pub use samples::Samples;
 pub use scalar::Scalar;

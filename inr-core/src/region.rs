@@ -2,12 +2,14 @@
 
 mod box_region;
 mod ellipsoid;
+mod mesh;
 mod raster_mask;
 mod set;
 mod topology;
 
 pub use box_region::BoxRegion;
 pub use ellipsoid::Ellipsoid;
+pub use mesh::MeshRegion;
 pub use raster_mask::RasterMask;
 pub use set::{Complement, Intersection, Translated, Union};
 

@@ -11,12 +11,14 @@ use signal_io::SampleType;
 
 use crate::field_kind::FieldKind;
 use crate::kind::SignalKind;
+use crate::problem_layers::ProblemLayer;
 use crate::values::{self, Coordinate, GuidanceName, Place, Shape, Size};
 
 pub use field::{DEFAULT_SEED, FitArgs, RenderArgs};
 pub use reproduce::{Figure, ReproduceArgs};
 
-/// Blends pictures in the gradient domain: the patch's structure, the background's light.
+/// Blends pictures, sound, volumes, videos and light fields in the gradient domain: the patch's structure, the
+/// background's light.
 #[derive(Debug, Parser)]
 #[command(name = "npsolve", version, propagate_version = true, arg_required_else_help = true)]
 #[command(
@@ -45,6 +47,8 @@ pub enum Command {
         npsolve blend wall.png letters.png --at 20,40 --guidance strongest -o out.png\n  \
         npsolve blend sky.exr plane.exr --at 649.5,10 --length 4 --keep 12 -o out.exr\n  \
         npsolve blend sky.png plane.png --mask m.png --at 9,9 -o out.png --metrics out.json\n  \
+        npsolve blend speech.wav music.flac --from 1 --to 3.5 --at 3 -o spliced.wav\n  \
+        npsolve blend atlas.nii.gz head.nii.gz --region ellipsoid:30,70,50:14,18,14 -o out.nii.gz\n  \
         npsolve blend sky.safetensors plane.safetensors --mask m.png --at 9,9 -o out.safetensors\n  \
         npsolve blend sky.png plane.png --at 9,9 --field siren --budget 60s -o out.safetensors")]
     Blend(BlendArgs),
@@ -55,21 +59,24 @@ pub enum Command {
         npsolve compare sky.png plane.png --at 649,10 --other opencv.png --csv table.csv\n  \
         npsolve compare --manifest data/manifest.json -o tables")]
     Compare(CompareArgs),
-    /// Fit a picture with a network: a field with values and gradients at any point.
+    /// Fit a signal with a network: a field with values and gradients at any point.
     #[command(after_help = "Examples:\n  \
         npsolve fit photo.jpg -o photo.safetensors\n  \
         npsolve fit photo.jpg -o photo.safetensors --budget 2s\n  \
         npsolve fit photo.jpg -o photo.safetensors --target-psnr 40 --table-rows 131072\n  \
         npsolve fit photo.jpg -o small.safetensors --field siren --width 64 --steps 5000\n  \
-        npsolve fit photo.jpg -o small.safetensors --resume")]
+        npsolve fit photo.jpg -o small.safetensors --resume\n  \
+        npsolve fit scan.nii.gz -o scan.safetensors --budget 60s")]
     Fit(FitArgs),
-    /// Make a picture of a field, at any size; or its gradient.
+    /// Make a picture of a field or signal, at any size; its gradient; or the signal itself at another scale.
     #[command(after_help = "Examples:\n  \
         npsolve render photo.safetensors -o photo.png\n  \
         npsolve render photo.safetensors -o large.png --scale 4\n  \
         npsolve render photo.safetensors -o eye.png --crop 120.5,80,32,24 --size 1280x960\n  \
         npsolve render photo.jpg -o small.png --size 300x200\n  \
-        npsolve render photo.safetensors --gradient slopes.exr")]
+        npsolve render photo.safetensors --gradient slopes.exr\n  \
+        npsolve render views.npy -o between.png --view 1.5,2\n  \
+        npsolve render speech.safetensors -o speech.wav --scale 2")]
     Render(RenderArgs),
     /// Say what is in pictures and fields: size, channels, range; pieces, holes and radius of masks;
     /// kind, numbers and state of networks.
@@ -131,6 +138,9 @@ pub struct BlendArgs {
     /// Number type of the result [default: the background's, if the format has it].
     #[arg(long, value_enum)]
     pub depth: Option<Depth>,
+    /// Write more of the problem into further layers of an .exr result, with commas; in the values that are blended.
+    #[arg(long, value_enum, value_name = "LAYERS", value_delimiter = ',')]
+    pub with: Vec<ProblemLayer>,
     /// Write the metrics to a JSON file.
     #[arg(long, value_name = "FILE.json")]
     pub metrics: Option<PathBuf>,
@@ -155,7 +165,8 @@ pub struct SceneArgs {
     pub mask: Option<PathBuf>,
     /// Which part of the patch to paste, as a shape: box:X0,Y0,Z0:X1,Y1,Z1 (without the samples at X1) or
     /// ellipsoid:CX,CY,CZ:RX,RY,RZ. In samples of the patch; with mm behind every number in a volume's own
-    /// millimetres. Without the last coordinates: all of these axes.
+    /// millimetres. Without the last coordinates: all of these axes. For volumes also a closed mesh, FILE.glb, whose
+    /// numbers are the patch's millimetres (FILE.glb:m metres, FILE.glb:smp voxels).
     #[arg(long, value_name = "SHAPE", help_heading = "Scene", value_parser = values::shape)]
     #[arg(allow_hyphen_values = true, conflicts_with = "mask")]
     pub region: Option<Shape>,
@@ -176,6 +187,10 @@ pub struct SceneArgs {
     /// End of the part of the patch to take [default: the patch's end].
     #[arg(long, value_name = "TIME", help_heading = "Scene")]
     pub to: Option<Coordinate>,
+    /// Layers of OpenEXR pictures to blend, with commas; main are the channels of no layer. The others are copied from
+    /// the background [default: those that both have; for a patch without layers the first].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', help_heading = "Scene")]
+    pub layers: Vec<String>,
     /// Turn RGB pictures into grey (Rec. 709 weights on the values as they are stored).
     #[arg(long, help_heading = "Scene")]
     pub gray: bool,
@@ -241,18 +256,19 @@ pub struct SolveArgs {
 /// `npsolve compare`
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// The picture to paste into.
+    /// The signal to paste into.
     #[arg(required_unless_present = "manifest")]
     pub background: Option<PathBuf>,
-    /// The picture to paste.
+    /// The signal to paste.
     #[arg(required_unless_present = "manifest")]
     pub patch: Option<PathBuf>,
     /// Scenes to compare on: a JSON file with a list "blend_2d" of name, background, patch, masks,
-    /// offset and guidance; paths are relative to the file.
+    /// offset and guidance, or lists blend_1d, blend_3d, blend_4d of other signals; paths are relative to the file.
     #[arg(long, value_name = "FILE")]
     #[arg(conflicts_with_all = ["background", "patch", "mask", "at", "center", "other"])]
     pub manifest: Option<PathBuf>,
-    /// Folder for the pictures: results, differences and a contact sheet; made if missing.
+    /// Folder for results, pictures of their differences and a contact sheet; made if missing. Of sound only the part
+    /// around the patch.
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// Other people's results of the same size, as further rows.

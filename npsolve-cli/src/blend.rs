@@ -15,7 +15,7 @@ use crate::report::{Extras, Seconds};
 use crate::scene::Scene;
 use crate::solve::{Settings, Solution, solve_scene};
 use crate::value_domain::Mapping;
-use crate::{files, signals};
+use crate::{files, problem_layers, signals};
 
 /// Default tolerances: 0.02 grey levels RMS are invisible in 8 bits; the other is f32 accuracy.
 pub const TOLERANCE_8_BIT: f32 = 1e-4;
@@ -35,6 +35,7 @@ fn picture(args: &BlendArgs, quiet: bool) -> Result<()> {
         bail!("--from and --to are for sound; choose a part of the patch with --mask or --region");
     }
     check_targets(args)?;
+    problem_layers::check(&args.output, &args.with)?;
     let write_options = WriteOptions {
         force: args.force,
         sample: args.depth.map(|d| d.sample_type()).transpose()?,
@@ -73,7 +74,9 @@ fn picture(args: &BlendArgs, quiet: bool) -> Result<()> {
         files::write_bytes(&args.output, &file, args.force)?;
         None
     } else {
-        let picture = scene.picture(std::mem::take(&mut solution.planes), true)?;
+        let planes = std::mem::take(&mut solution.planes);
+        let picture = scene.picture(planes.clone(), true)?;
+        let picture = problem_layers::add(picture, &scene, &settings, &planes, &args.with)?;
         Some(files::write(&args.output, &picture, &write_options)?)
     };
     let write = start.elapsed().as_secs_f64();

@@ -106,7 +106,8 @@ impl ChannelJob for Sampled<'_> {
     type Output = Result<Vec<f32>>;
 
     fn run<const C: usize>(self) -> Self::Output {
-        Ok(neural::sampled(&checkpoint::<2, C>(self.path, self.bytes)?))
+        let checkpoint = checkpoint::<2, C>(self.path, self.bytes)?;
+        Ok(neural::sampled(&checkpoint.network, &checkpoint.domain))
     }
 }
 

@@ -1,25 +1,30 @@
-//! `npsolve fit`: a picture becomes a network.
+//! `npsolve fit`: a signal becomes a network.
 
 mod file;
 mod recipe;
 mod report;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Result, anyhow, bail};
-use inr_core::{Error, FitProgress, FitReport, Frame, Network, Output, Samples, Trainer, fit};
-use signal_io::{Image, SampleType};
+use inr_core::{
+    Domain, Error, FitProgress, FitReport, Frame, Network, Output, Samples, Trainer, fit,
+};
+use signal_io::Image;
 
 pub use file::{FINISHED, RECIPE};
 pub use report::size as bytes_in_words;
 
 use crate::args::FitArgs;
 use crate::channels::{self, ChannelJob, with_channels};
+use crate::kind::SignalKind;
+use crate::outcome::size;
 use crate::picture_kind::PictureKind;
 use crate::progress::Progress;
-use crate::scene::samples_of;
-use crate::{console, field_file, field_words, files};
+use crate::signals::{self, audio, field, light_field, video, volume};
+use crate::{console, field_file, field_words, files, kind};
 use file::{TrainingFile, Unfinished};
 use recipe::{Recipe, fingerprint};
 use report::{Report, Surroundings};
@@ -27,9 +32,64 @@ use report::{Report, Surroundings};
 /// Runs the command.
 pub fn run(args: &FitArgs, quiet: bool) -> Result<()> {
     check_target(args)?;
-    let image = without_opaque_alpha(files::read(&args.signal)?);
-    let (n, most) = (image.channels().len(), channels::MOST);
-    with_channels(n, Job { args, image: &image, quiet }).unwrap_or_else(|| {
+    let path = &args.signal;
+    let kind = if args.lenslet.is_some() { Some(SignalKind::Lightfield) } else { args.kind };
+    match kind.unwrap_or_else(|| kind::of(path)) {
+        SignalKind::Image => {
+            let image = without_opaque_alpha(files::read(path)?);
+            let signal = Signal {
+                domain: image.domain(),
+                values: image.as_planar(),
+                notes: PictureKind::of(&image).to_notes(),
+                numbers: signals::number_type(image.sample),
+                noun: "pixels",
+            };
+            fit_channels(args, &signal, quiet)
+        }
+        SignalKind::Audio => fit_signal(SignalKind::Audio, &audio::read(path)?, args, quiet),
+        SignalKind::Volume => fit_signal(SignalKind::Volume, &volume::read(path)?, args, quiet),
+        SignalKind::Video => fit_signal(SignalKind::Video, &video::read(path, 1.0)?, args, quiet),
+        SignalKind::Lightfield => {
+            let field = light_field::read(path, args.lenslet, light_field::ANGULAR_PITCH)?;
+            fit_signal(SignalKind::Lightfield, &field, args, quiet)
+        }
+    }
+}
+
+/// What a field is fitted to.
+struct Signal<'a, const D: usize> {
+    domain: Domain<D>,
+    /// A plane per channel.
+    values: &'a [f32],
+    /// What the field's file says about it.
+    notes: BTreeMap<String, String>,
+    /// Number type of its file, and bytes of one.
+    numbers: (&'static str, usize),
+    /// What its samples are called.
+    noun: &'static str,
+}
+
+fn fit_signal<S: signals::Signal<D>, const D: usize>(
+    kind: SignalKind,
+    signal: &S,
+    args: &FitArgs,
+    quiet: bool,
+) -> Result<()> {
+    let plain = signal.plain()?;
+    signals::check_finite(&plain, &args.signal.display().to_string())?;
+    let signal = Signal {
+        domain: plain.domain,
+        values: &plain.values,
+        notes: field::notes_of(kind, signal.notes()),
+        numbers: signal.number_type(),
+        noun: kind.samples(),
+    };
+    fit_channels(args, &signal, quiet)
+}
+
+fn fit_channels<const D: usize>(args: &FitArgs, signal: &Signal<'_, D>, quiet: bool) -> Result<()> {
+    let (n, most) = (signal.values.len() / signal.domain.len(), channels::MOST);
+    with_channels(n, Job { args, signal, quiet }).unwrap_or_else(|| {
         bail!(
             "{} has {n} channels, a field 1 to {most}; choose some of them",
             args.signal.display()
@@ -59,24 +119,25 @@ fn without_opaque_alpha(image: Image) -> Image {
     }
 }
 
-struct Job<'a> {
+struct Job<'a, const D: usize> {
     args: &'a FitArgs,
-    image: &'a Image,
+    signal: &'a Signal<'a, D>,
     quiet: bool,
 }
 
-impl ChannelJob for Job<'_> {
+impl<const D: usize> ChannelJob for Job<'_, D> {
     type Output = Result<()>;
 
     fn run<const C: usize>(self) -> Result<()> {
-        let samples = samples_of::<C>(self.image, 0)?;
+        let Signal { domain, values, .. } = self.signal;
+        let samples = Samples::<D, C>::from_planar(*domain, values.to_vec())?;
         let range = range(&samples);
         let peak = peak(&self.args.signal, range)?;
         let (mut trainer, recipe) = self.begin(&samples, range, peak)?;
         let mut file = TrainingFile {
             path: self.args.output.clone(),
             domain: *samples.domain(),
-            kind: PictureKind::of(self.image),
+            notes: self.signal.notes.clone(),
             range,
             recipe,
             every: self.args.checkpoint_every,
@@ -92,14 +153,14 @@ impl ChannelJob for Job<'_> {
     }
 }
 
-impl Job<'_> {
+impl<const D: usize> Job<'_, D> {
     /// A training from its beginning, or where it was left.
     fn begin<const C: usize>(
         &self,
-        samples: &Samples<2, C>,
+        samples: &Samples<D, C>,
         [low, high]: [f32; 2],
         peak: f32,
-    ) -> Result<(Trainer<2, C>, Recipe)> {
+    ) -> Result<(Trainer<D, C>, Recipe)> {
         let (print, signal) = (fingerprint(samples), self.args.signal.display().to_string());
         if self.args.resume {
             let Unfinished { trainer, recipe } =
@@ -122,15 +183,15 @@ impl Job<'_> {
 
     fn train<const C: usize>(
         &self,
-        trainer: &mut Trainer<2, C>,
-        samples: &Samples<2, C>,
+        trainer: &mut Trainer<D, C>,
+        samples: &Samples<D, C>,
         peak: f32,
-        file: &mut TrainingFile,
+        file: &mut TrainingFile<D>,
     ) -> Result<FitReport> {
         let options = file.recipe.fit_options(peak);
         let mut progress = Progress::of("fitting", self.quiet);
         let mut failure = None;
-        let after_step = |trainer: &Trainer<2, C>, now: FitProgress| {
+        let after_step = |trainer: &Trainer<D, C>, now: FitProgress| {
             progress.update_with(now.progress as f32, || format!("{:.1} dB", now.psnr));
             if let Err(error) = file.write_if_due(trainer) {
                 failure = Some(error);
@@ -146,7 +207,7 @@ impl Job<'_> {
         }
     }
 
-    fn in_our_words(&self, error: &Error, file: &TrainingFile) -> anyhow::Error {
+    fn in_our_words(&self, error: &Error, file: &TrainingFile<D>) -> anyhow::Error {
         let Error::Diverged { step, loss, .. } = error else { return anyhow!(error.clone()) };
         let o = &file.recipe.options;
         let smaller: Vec<String> =
@@ -169,7 +230,7 @@ impl Job<'_> {
 
     fn tell<const C: usize>(
         &self,
-        trainer: &Trainer<2, C>,
+        trainer: &Trainer<D, C>,
         recipe: &Recipe,
         report: FitReport,
         bytes: usize,
@@ -196,17 +257,13 @@ impl Job<'_> {
         if self.args.json {
             return Ok(());
         }
-        let image = self.image;
-        let each = match image.sample {
-            SampleType::U8 => 1,
-            SampleType::U16 | SampleType::F16 => 2,
-            SampleType::F32 => 4,
-        };
+        let Signal { domain, values, numbers: (name, bytes), noun, .. } = self.signal;
         console::print(&report.to_text(&Surroundings {
             signal: self.args.signal.display().to_string(),
-            size: [image.width(), image.height()],
+            size: size(&domain.shape()),
+            noun,
             channels: C,
-            samples: (image.sample.name(), each * image.as_planar().len()),
+            samples: (name, bytes * values.len()),
             network: field_words::sentence(trainer.network.architecture()),
             file: self.args.output.display().to_string(),
         }))
@@ -224,7 +281,7 @@ fn warnings(recipe: &Recipe, report: &FitReport, finished: bool) -> Vec<String> 
     }
 }
 
-fn range<const C: usize>(samples: &Samples<2, C>) -> [f32; 2] {
+fn range<const D: usize, const C: usize>(samples: &Samples<D, C>) -> [f32; 2] {
     let bounds = |[low, high]: [f32; 2], v: &f32| [low.min(*v), high.max(*v)];
     samples.as_planar().iter().fold([f32::INFINITY, f32::NEG_INFINITY], bounds)
 }

@@ -6,6 +6,8 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
+use crate::{field_file, files, signals};
+
 /// `--kind`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum SignalKind {
@@ -68,6 +70,10 @@ impl SignalKind {
 /// pictures: whoever reads them says what is wrong.
 pub fn of(path: &Path) -> SignalKind {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    if field_file::is_network_name(path) {
+        let about = files::read_bytes(path).and_then(|bytes| field_file::describe(path, &bytes));
+        return about.map_or(SignalKind::Image, |about| signals::field::kind(&about));
+    }
     let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e));
     if path.is_dir() || name.contains('%') || name.contains('*') {
         return if signal_io::is_view_grid(path) {
@@ -78,7 +84,9 @@ pub fn of(path: &Path) -> SignalKind {
     }
     if ends(&[".wav", ".flac", ".ogg", ".oga", ".mp3"]) {
         SignalKind::Audio
-    } else if ends(&[".nii", ".nii.gz"]) {
+    } else if ends(&[".nii", ".nii.gz", ".nrrd", ".nhdr", ".json"])
+        || (ends(&[".tif", ".tiff"]) && signal_io::is_tiff_stack(path))
+    {
         SignalKind::Volume
     } else if ends(&[".y4m"]) || (ends(&[".gif", ".webp"]) && signal_io::is_animation(path)) {
         SignalKind::Video

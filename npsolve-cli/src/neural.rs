@@ -315,12 +315,23 @@ pub fn summary(report: &NetworkReport, output: &Path, bytes: Option<usize>) -> S
     text
 }
 
-/// Samples of a network on its own lattice, one plane per channel.
-pub fn sampled<const C: usize>(checkpoint: &Checkpoint<2, C>) -> Vec<f32> {
-    let domain = checkpoint.domain;
-    let x: Vec<[f32; 2]> =
-        (0..domain.len()).map(|k| domain.position(domain.unflatten(k))).collect();
-    let mut y = vec![[0.0; C]; x.len()];
-    checkpoint.network.eval(&x, &mut y);
-    (0..C).flat_map(|c| y.iter().map(move |y| y[c])).collect()
+/// Samples of a network on a lattice, one plane per channel.
+pub fn sampled<const D: usize, const C: usize>(
+    network: &Network<D, C>,
+    domain: &Domain<D>,
+) -> Vec<f32> {
+    const CHUNK: usize = 1 << 16;
+    let n = domain.len();
+    let mut planes = vec![0.0; C * n];
+    let (mut x, mut y) = (Vec::new(), vec![[0.0; C]; CHUNK.min(n)]);
+    for start in (0..n).step_by(CHUNK) {
+        let end = (start + CHUNK).min(n);
+        x.clear();
+        x.extend((start..end).map(|k| domain.position(domain.unflatten(k))));
+        network.eval(&x, &mut y[..end - start]);
+        for (k, values) in y[..end - start].iter().enumerate() {
+            (0..C).for_each(|c| planes[c * n + start + k] = values[c]);
+        }
+    }
+    planes
 }

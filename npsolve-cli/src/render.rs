@@ -2,10 +2,11 @@
 
 mod lattice;
 mod sampler;
-mod slices;
+pub mod slices;
 mod slopes;
-mod spectrum;
+pub mod spectrum;
 mod view;
+mod whole;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -58,8 +59,20 @@ struct Written {
 
 /// Runs the command.
 pub fn run(args: &RenderArgs, quiet: bool) -> Result<()> {
+    let kind = match args.kind {
+        _ if args.lenslet.is_some() => SignalKind::Lightfield,
+        Some(kind) => kind,
+        None => kind::of(&args.field),
+    };
+    if whole::is_wanted(kind, args) {
+        return whole::run(kind, args, quiet);
+    }
     check_targets(args)?;
-    let field = read(args)?;
+    view::check(kind, args)?;
+    let field = match kind {
+        SignalKind::Image => FieldFile::read(&args.field)?,
+        other => FieldFile::Picture(view::picture(other, args)?),
+    };
     let (kind, signal) = (field.picture_kind(), field.domain()?);
     let lattice = target(args, &signal)?;
     check_size(args, &lattice, kind.channels.len())?;
@@ -98,20 +111,6 @@ pub fn run(args: &RenderArgs, quiet: bool) -> Result<()> {
         console::print(&report.to_text(&args.field))?;
     }
     Ok(())
-}
-
-/// A field over pictures, or the picture that stands for another kind of signal.
-fn read(args: &RenderArgs) -> Result<FieldFile> {
-    let kind = match args.kind {
-        _ if args.lenslet.is_some() => SignalKind::Lightfield,
-        Some(kind) => kind,
-        None => kind::of(&args.field),
-    };
-    view::check(kind, args)?;
-    match kind {
-        SignalKind::Image => FieldFile::read(&args.field),
-        other => Ok(FieldFile::Picture(view::picture(other, args)?)),
-    }
 }
 
 /// Everything about the targets that can be known before the field is read.

@@ -9,6 +9,7 @@ use signal_io::{Image, Transfer};
 use crate::args::{SceneArgs, ValueDomain};
 use crate::field_file::{self, FieldFile};
 use crate::files;
+use crate::layers::{self, Chosen};
 use crate::mask;
 use crate::shapes::{self, InSamples};
 use crate::solve::{Planes, Setup};
@@ -22,6 +23,8 @@ pub struct Scene {
     pub mapping: Mapping,
     /// The background's own values, where those to blend are others.
     stored: Option<Vec<f32>>,
+    /// The whole background, where only some of its layers are blended.
+    whole: Option<Image>,
     /// The background's alpha, which the result gets.
     pub alpha: Option<Vec<f32>>,
     /// The colour channels of the patch.
@@ -73,8 +76,13 @@ impl Scene {
         args: &SceneArgs,
     ) -> Result<Self> {
         let mut warnings = Vec::new();
-        let (mut background, alpha) = background.split_alpha();
-        let (mut patch, patch_alpha) = patch.split_alpha();
+        let (background, alpha) = background.split_alpha();
+        let (patch, patch_alpha) = patch.split_alpha();
+        let Chosen { mut background, mut patch, whole } =
+            layers::choose(background, patch, &args.layers, &names)?;
+        if args.gray && whole.is_some() {
+            bail!("--gray would leave the other layers of {} in colour; leave it out", names[0]);
+        }
         if args.gray {
             background = to_gray(&background, &names[0])?;
             patch = to_gray(&patch, &names[1])?;
@@ -108,6 +116,7 @@ impl Scene {
             background,
             mapping,
             stored,
+            whole,
             alpha,
             patch,
             mask,
@@ -168,13 +177,18 @@ impl Scene {
         Ok(image)
     }
 
-    /// A picture of the background's kind with these blended planes, back in the background's values, and, if wanted, its alpha.
+    /// A picture of the background's kind with these blended planes, back in the background's values; if wanted with its alpha
+    /// and its other layers.
     pub fn picture(&self, mut planes: Vec<f32>, with_alpha: bool) -> Result<Image> {
         let mut image = self.background.clone();
         if let Some(stored) = &self.stored {
             self.mapping.back(stored, self.background.as_planar(), &mut planes);
         }
         image.as_planar_mut().copy_from_slice(&planes);
+        // Comparisons look at what was blended; results are whole.
+        if let Some(whole) = self.whole.as_ref().filter(|_| with_alpha) {
+            image = layers::put_back(whole, &image);
+        }
         match &self.alpha {
             Some(alpha) if with_alpha => Ok(image.with_alpha(alpha)?),
             _ => Ok(image),

@@ -3,7 +3,7 @@
 use anyhow::{Result, bail};
 use inr_core::{Domain, RasterMask};
 
-use crate::values::{Coordinate, Counts, Place, Shape};
+use crate::values::{Coordinate, Counts, MeshFile, Place, Shape};
 
 /// How coordinates with units become samples of a lattice. The usual ones are samples.
 pub trait Units<const D: usize> {
@@ -15,6 +15,13 @@ pub trait Units<const D: usize> {
     /// Lengths with units, as numbers of samples per axis.
     fn lengths(&self, lengths: &Place) -> Result<Vec<f64>> {
         samples_only(lengths)
+    }
+
+    /// The weight of every sample in a closed mesh.
+    fn inside_mesh(&self, mesh: &MeshFile) -> Result<Vec<f32>> {
+        bail!(
+            "{mesh} is a region of volumes; this kind of signal takes box:, ellipsoid: and --mask"
+        )
     }
 }
 
@@ -47,7 +54,7 @@ fn check_count<const D: usize>(place: &Place, count: usize) -> Result<()> {
     }
 }
 
-/// The samples of a lattice that lie in a box or ellipsoid.
+/// The samples of a lattice that lie in a box, an ellipsoid or a mesh.
 ///
 /// # Errors
 /// Where no sample lies in it.
@@ -56,28 +63,27 @@ pub fn mask<const D: usize>(
     domain: Domain<D>,
     units: &impl Units<D>,
 ) -> Result<RasterMask<D>> {
-    let inside: Box<dyn Fn([usize; D]) -> bool> = match shape {
+    let weights = match shape {
         Shape::Box(min, max) => {
             let (a, b) = (units.position(min)?, units.position(max)?);
             check_count::<D>(min, a.len())?;
             let ends: Vec<[f64; 2]> =
                 a.iter().zip(&b).map(|(a, b)| [a.min(*b), a.max(*b)]).collect();
             // Half open: the sample at the upper end is out; 1e-4 samples are rounding of units.
-            Box::new(move |i| {
+            weights(domain, |i| {
                 ends.iter().zip(i).all(|([a, b], i)| (*a..*b).contains(&(i as f64 + 1e-4)))
             })
         }
         Shape::Ellipsoid(center, radii) => {
             let (center_at, radii_of) = (units.position(center)?, units.lengths(radii)?);
             check_count::<D>(center, center_at.len())?;
-            Box::new(move |i| {
+            weights(domain, |i| {
                 let part = |(d, (c, r)): (usize, (&f64, &f64))| ((i[d] as f64 - c) / r).powi(2);
                 center_at.iter().zip(&radii_of).enumerate().map(part).sum::<f64>() < 1.0
             })
         }
+        Shape::Mesh(file) => units.inside_mesh(file)?,
     };
-    let weight = |k: usize| f32::from(u8::from(inside(domain.unflatten(k))));
-    let weights: Vec<f32> = (0..domain.len()).map(weight).collect();
     if weights.iter().all(|w| *w == 0.0) {
         bail!(
             "no sample of the patch lies in --region; its samples go from 0 to {:?}",
@@ -85,6 +91,10 @@ pub fn mask<const D: usize>(
         );
     }
     Ok(RasterMask::new(domain, weights)?)
+}
+
+fn weights<const D: usize>(domain: Domain<D>, inside: impl Fn([usize; D]) -> bool) -> Vec<f32> {
+    (0..domain.len()).map(|k| f32::from(u8::from(inside(domain.unflatten(k))))).collect()
 }
 
 #[cfg(test)]

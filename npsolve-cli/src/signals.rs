@@ -1,17 +1,18 @@
 //! Blends of sound, volumes, videos and light fields: what they have in common.
 
-mod audio;
-mod light_field;
+pub mod audio;
+pub mod field;
+pub mod light_field;
 mod spectrogram;
-mod video;
-mod volume;
+pub mod video;
+pub mod volume;
 
 use std::path::Path;
 
 use anyhow::{Result, bail};
 use inr_core::{Domain, RasterMask, Region, Translated};
 use poisson_loss::{Baseline, Objective, Options};
-use signal_io::{Image, ReadOptions};
+use signal_io::{Image, ReadOptions, SampleType};
 
 use crate::args::{BlendArgs, SceneArgs, ValueDomain};
 use crate::blend::{TOLERANCE, check_metrics};
@@ -21,6 +22,7 @@ use crate::progress::Progress;
 use crate::solve::{Planes, Settings, Setup, Solution};
 use crate::value_domain::{Mapping, match_range};
 use crate::{files, mask};
+use field::Notes;
 
 /// Runs `npsolve blend` for a kind of signal that is not a picture.
 pub fn blend(kind: SignalKind, args: &BlendArgs, quiet: bool) -> Result<()> {
@@ -29,6 +31,9 @@ pub fn blend(kind: SignalKind, args: &BlendArgs, quiet: bool) -> Result<()> {
             "--field and .safetensors results are for pictures; {} is blended exactly",
             kind.noun()
         );
+    }
+    if !args.scene.layers.is_empty() || !args.with.is_empty() {
+        bail!("--layers and --with are for pictures; leave them out for {}", kind.noun());
     }
     if args.scene.center.is_some() {
         bail!("--center is for pictures; say where the first sample goes with --at");
@@ -49,6 +54,59 @@ pub struct Plain<const D: usize> {
     pub domain: Domain<D>,
     /// The planes.
     pub values: Vec<f32>,
+}
+
+/// A signal over `D` axes, as it is in its file.
+pub trait Signal<const D: usize>: Sized {
+    /// The values on their lattice, without alpha.
+    fn plain(&self) -> Result<Plain<D>>;
+
+    /// A signal like this one with other values.
+    fn with_values(&self, values: &[f32]) -> Result<Self>;
+
+    /// Writes it.
+    fn save(&self, path: &Path, force: bool) -> Result<()>;
+
+    /// What the names of files end in that hold such signals.
+    fn ending(&self) -> &'static str;
+
+    /// A picture of it through a sample.
+    fn picture(&self, at: [usize; D]) -> Result<Image>;
+
+    /// What a network's file has to say so that the signal can be made of its values again.
+    fn notes(&self) -> Notes;
+
+    /// A signal of values on a lattice. Notes may be missing or damaged: what they should say is the usual then.
+    fn from_values(
+        notes: &Notes,
+        domain: Domain<D>,
+        channels: usize,
+        values: Vec<f32>,
+    ) -> Result<Self>;
+
+    /// Name and size in bytes of the number type of its file.
+    fn number_type(&self) -> (&'static str, usize);
+}
+
+/// Two signals of one kind, and where one goes in the other.
+pub struct Scene<S, const D: usize> {
+    /// Both files.
+    pub names: [String; 2],
+    /// The signal that results are like.
+    pub background: S,
+    /// The blend.
+    pub job: Job<D>,
+    /// Where the patch's first sample goes, in samples.
+    pub place: [f64; D],
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+impl<S, const D: usize> Scene<S, D> {
+    /// Sizes of background and patch.
+    pub fn sizes(&self) -> [Vec<usize>; 2] {
+        [&self.job.background, &self.job.patch].map(|p| p.domain.shape().to_vec())
+    }
 }
 
 /// A blend of two signals with the same channels.
@@ -115,7 +173,7 @@ impl<const D: usize> Job<D> {
         let mut progress = Progress::new(quiet);
         let update = &mut |share| progress.update(share);
         let mut solution = self.setup(&region).solve(settings, with_metrics, update)?;
-        self.mapping.back(&self.stored, &self.background.values, &mut solution.planes);
+        self.to_stored(&mut solution.planes);
         Ok(solution)
     }
 
@@ -123,7 +181,7 @@ impl<const D: usize> Job<D> {
     pub fn paste(&self, settings: &Settings) -> Result<Vec<f32>> {
         let region = self.region();
         let mut planes = self.setup(&region).baseline(settings, Baseline::Paste)?;
-        self.mapping.back(&self.stored, &self.background.values, &mut planes);
+        self.to_stored(&mut planes);
         Ok(planes)
     }
 
@@ -169,11 +227,32 @@ impl<const D: usize> Job<D> {
                     .copy_from_slice(&solved[c * flat_b.len()..(c + 1) * flat_b.len()]);
             }
         }
-        self.mapping.back(&self.stored, &self.background.values, &mut planes);
+        self.to_stored(&mut planes);
         Ok(planes)
     }
 
-    fn setup<'a>(&'a self, region: &'a dyn Region<D>) -> Setup<'a, D> {
+    /// From blended values to stored ones; the background's stay exactly what they were.
+    pub fn to_stored(&self, planes: &mut [f32]) {
+        self.mapping.back(&self.stored, &self.background.values, planes);
+    }
+
+    /// The sample in the middle of the region's box, in the background.
+    pub fn middle(&self) -> [usize; D] {
+        let (mask, b) = (self.mask.domain(), &self.background.domain);
+        let (mut low, mut high) = ([usize::MAX; D], [0; D]);
+        for (k, _) in self.mask.weights().iter().enumerate().filter(|(_, w)| **w > 0.0) {
+            let index = mask.unflatten(k);
+            low = std::array::from_fn(|d| low[d].min(index[d]));
+            high = std::array::from_fn(|d| high[d].max(index[d]));
+        }
+        std::array::from_fn(|d| {
+            let middle = 0.5 * (low[d] as f32 + high[d] as f32) + self.offset[d] / b.pitch()[d];
+            middle.clamp(0.0, (b.shape()[d] - 1) as f32) as usize
+        })
+    }
+
+    /// The problem; `region` is [`Job::region`].
+    pub fn setup<'a>(&'a self, region: &'a dyn Region<D>) -> Setup<'a, D> {
         let planes = |p: &'a Plain<D>| Planes { domain: p.domain, values: &p.values };
         Setup {
             background: planes(&self.background),
@@ -183,34 +262,35 @@ impl<const D: usize> Job<D> {
             names: &self.names,
         }
     }
-}
 
-/// How much the correction that a blend adds to a copy changes from picture to picture along `axis` (of `shape`, 2 or
-/// more), as a root mean square over the samples that the copy changes: what differs from frame to frame flickers,
-/// what differs from view to view pulls the lines of epipolar slices apart.
-pub fn unsteadiness<const D: usize>(
-    blended: &[f32],
-    pasted: &[f32],
-    stored: &[f32],
-    shape: [usize; D],
-    axes: std::ops::Range<usize>,
-) -> f64 {
-    let inside = |k: usize| pasted[k] != stored[k];
-    let correction = |k: usize| f64::from(blended[k]) - f64::from(pasted[k]);
-    let (mut sum, mut count) = (0.0, 0usize);
-    for axis in axes {
-        let step: usize = shape[..axis].iter().product();
-        for k in 0..blended.len() {
-            if k / step % shape[axis] + 1 < shape[axis] && inside(k) && inside(k + step) {
-                sum += (correction(k + step) - correction(k)).powi(2);
-                count += 1;
+    /// How much the correction that a blend adds to a copy changes from picture to picture along some axes (of 2 or
+    /// more), as a root mean square over the samples that the copy changes: what differs from frame to frame
+    /// flickers, what differs from view to view pulls the lines of epipolar slices apart.
+    pub fn unsteadiness(
+        &self,
+        blended: &[f32],
+        pasted: &[f32],
+        axes: std::ops::Range<usize>,
+    ) -> f64 {
+        let shape = self.background.domain.shape();
+        let inside = |k: usize| pasted[k] != self.stored[k];
+        let correction = |k: usize| f64::from(blended[k]) - f64::from(pasted[k]);
+        let (mut sum, mut count) = (0.0, 0usize);
+        for axis in axes {
+            let step: usize = shape[..axis].iter().product();
+            for k in 0..blended.len() {
+                if k / step % shape[axis] + 1 < shape[axis] && inside(k) && inside(k + step) {
+                    sum += (correction(k + step) - correction(k)).powi(2);
+                    count += 1;
+                }
             }
         }
+        (sum / count.max(1) as f64).sqrt()
     }
-    (sum / count.max(1) as f64).sqrt()
 }
 
-fn check_finite<const D: usize>(plain: &Plain<D>, name: &str) -> Result<()> {
+/// Refuses values that are not finite.
+pub fn check_finite<const D: usize>(plain: &Plain<D>, name: &str) -> Result<()> {
     let Some(k) = plain.values.iter().position(|v| !v.is_finite()) else { return Ok(()) };
     let n = plain.domain.len();
     bail!(
@@ -222,7 +302,7 @@ fn check_finite<const D: usize>(plain: &Plain<D>, name: &str) -> Result<()> {
 }
 
 /// The solver's settings; lengths of the command line are in the units of the lattice.
-pub fn settings(args: &BlendArgs) -> Settings {
+fn settings(args: &BlendArgs) -> Settings {
     let options = args.solve.options(args.objective, TOLERANCE);
     Settings { guidance: args.solve.guidance, options }
 }
@@ -264,6 +344,16 @@ pub fn check_weights(weights: &[f32], name: &str) -> Result<()> {
         bail!("the mask {name} is empty: nothing is to be pasted; paint what to paste white");
     }
     Ok(())
+}
+
+/// Name and size in bytes of a number type of pictures.
+pub fn number_type(sample: SampleType) -> (&'static str, usize) {
+    let bytes = match sample {
+        SampleType::U8 => 1,
+        SampleType::U16 | SampleType::F16 => 2,
+        SampleType::F32 => 4,
+    };
+    (sample.name(), bytes)
 }
 
 /// The colour planes of pictures below each other, and the alpha plane.

@@ -8,7 +8,7 @@ use std::time::Duration;
 use inr_core::Interpolation;
 use poisson_loss::{Guidance, Strongest};
 
-pub use place::{Coordinate, Counts, Place, Shape, place, shape};
+pub use place::{Coordinate, Counts, MeshCounts, MeshFile, Place, Shape, place, shape};
 
 /// A [`Guidance`] by its name, for any number of channels.
 #[derive(Debug, Clone, Copy, PartialEq)]

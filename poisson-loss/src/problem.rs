@@ -81,16 +81,16 @@ pub(crate) fn aligned_shift<const D: usize>(
 }
 
 impl<const D: usize, const C: usize> Problem<'_, D, C> {
-    /// Background samples per axis whose centre lies in the patch's cells, and whether the patch
+    /// Background samples per axis whose centre lies in the patch's cells, and on which sides the patch
     /// reaches beyond the background.
-    fn reach_of_patch(&self) -> ([Range<usize>; D], bool) {
+    fn reach_of_patch(&self) -> ([Range<usize>; D], [[bool; 2]; D]) {
         let domain = self.background.domain();
         let whole = || std::array::from_fn(|d| 0..domain.shape()[d]);
         let Patch::Samples { samples, offset } = self.patch else {
-            return (whole(), false);
+            return (whole(), [[false; 2]; D]);
         };
         let patch = samples.domain();
-        let mut cut = false;
+        let mut cut = [[false; 2]; D];
         let ranges = std::array::from_fn(|d| {
             let (h, n) = (f64::from(domain.pitch()[d]), domain.shape()[d]);
             let edge =
@@ -100,7 +100,7 @@ impl<const D: usize, const C: usize> Problem<'_, D, C> {
             let hi = (edge - half + f64::from(patch.pitch()[d]) * patch.shape()[d] as f64) / h;
             // A sample exactly on the outer edge belongs to the patch's side that is closed: the lower one.
             let inside = |v: f64| (v - 1e-4).ceil().clamp(0.0, n as f64) as usize;
-            cut |= lo < -0.5 - 1e-3 || hi > n as f64 - 0.5 + 1e-3;
+            cut[d] = [lo < -0.5 - 1e-3, hi > n as f64 - 0.5 + 1e-3];
             inside(lo)..inside(hi).max(inside(lo))
         });
         (ranges, cut)
@@ -135,15 +135,18 @@ impl<const D: usize, const C: usize> Problem<'_, D, C> {
         if support.shape.contains(&0) {
             return Err(Error::EmptyRegion);
         }
-        if cut {
-            support.warnings.push(
-                "the patch reaches beyond the background; what lies outside is cut off".to_owned(),
-            );
-        }
         support.weight = self.region_weights(&domain, &support)?;
         let (lo, hi) = support.bounds();
         if support.measure == 0.0 {
             return Err(Error::EmptyRegion);
+        }
+        // The region ends where the background does, and the patch goes on.
+        let at_end = |d: usize| {
+            [support.start[d] + lo[d] == 0, support.start[d] + hi[d] == domain.shape()[d]]
+        };
+        if (0..D).any(|d| (0..2).any(|side| cut[d][side] && at_end(d)[side])) {
+            let what = "the region reaches beyond the background; what lies outside is cut off";
+            support.warnings.push(what.to_owned());
         }
         Ok(support.cropped(lo, std::array::from_fn(|d| hi[d] - lo[d])))
     }

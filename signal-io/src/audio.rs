@@ -10,6 +10,10 @@ mod write;
 
 #[cfg(feature = "compressed-audio")]
 mod compressed;
+#[cfg(feature = "compressed-audio")]
+mod ogg;
+#[cfg(feature = "compressed-audio")]
+mod vorbis;
 
 use inr_core::{Domain, Samples, Unit};
 

@@ -6,7 +6,7 @@ use crate::SampleType;
 /// What can be wrong with a file, a request or a picture.
 ///
 /// Every error that comes from a file names the file and says what to do next; errors of signals
-/// in memory ([`Error::ChannelCount`], [`Error::Shape`], [`Error::Audio`]) leave the name to the caller.
+/// in memory ([`Error::ChannelCount`], [`Error::Shape`], [`Error::Audio`], [`Error::Volume`], [`Error::Affine`]) leave the name to the caller.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -133,6 +133,18 @@ pub enum Error {
         format: &'static str,
         /// The cargo feature of this crate.
         feature: &'static str,
+    },
+    /// Sizes, values and indices of a volume do not belong together.
+    #[error("bad volume: {what}")]
+    Volume {
+        /// What does not fit, with both values.
+        what: String,
+    },
+    /// A map from voxel indices to the world that cannot be turned round.
+    #[error("bad map from voxels to the world: {what}")]
+    Affine {
+        /// What is wrong with it.
+        what: String,
     },
     /// The target is there already.
     #[error("{} exists; choose another name or allow overwriting (force)", path.display())]

@@ -2,8 +2,9 @@
 //!
 //! A picture in any of the usual formats becomes an [`Image`]: planes of `f32` with names, and with
 //! what is needed to write it back as it was (number type, encoding, colour profile); sound becomes
-//! an [`Audio`], scans a [`Volume`], films a [`Video`], pictures from a grid of cameras a [`LightField`]. Nothing a file says is believed before it is checked, and a target is replaced
-//! completely or not at all.
+//! an [`Audio`], a scan a [`Volume`] with its place in the world, a film a [`Video`], pictures from a grid of
+//! cameras a [`LightField`], a glTF scene a [`Mesh`]. Nothing a file says is believed before it is checked, and a
+//! target is replaced completely or not at all.
 //!
 //! ```
 //! use signal_io::{Image, ReadOptions, WriteOptions, check_target, read_image, write_image};
@@ -62,7 +63,7 @@
 //!
 //! | format | extensions | read as | written as | feature |
 //! |---|---|---|---|---|
-//! | WAV | wav, wave | 8, 16, 24, 32 bit, float; 1 to 8 channels | the same | |
+//! | WAV | wav, wave | 8, 16, 24, 32 bit, float, double; 1 to 8 channels | the same but doubles | |
 //! | FLAC | flac | up to 32 bit; checksums are verified | not | `compressed-audio` |
 //! | Ogg Vorbis | ogg, oga | float | not | `compressed-audio` |
 //! | MP3 | mp3 | float; layer III | not | `compressed-audio` |
@@ -72,21 +73,68 @@
 //! WAV files whose length was not known while writing are read to their end; other files that are
 //! cut short are errors, except for Ogg and MP3, which give what is there. Delay and padding of
 //! encoders are cut off where the file states them. Left out are files of more than 4 GiB (RF64),
-//! ADPCM and other encodings inside WAV, double floats, chained Ogg streams, tags, cue points and loops.
+//! ADPCM and other encodings inside WAV, chained Ogg streams, tags, cue points and loops.
 //!
 //! Sound is resampled ([`Audio::resampled`]), measured ([`Audio::peak`], [`Audio::mean`],
 //! [`Audio::loudness`], [`Audio::click_energy`]) and taken apart into spectra over time ([`Stft`]).
 //!
 //! # Volumes
-//! [`read_volume`] and [`write_volume`] keep values as they are (an integer 200 is 200, slope and intercept of the file
-//! applied) and the place of the voxels in millimetres.
+//! ```
+//! use signal_io::{Volume, VolumeReadOptions, VolumeWriteOptions, VoxelType, read_volume, write_volume};
 //!
-//! | format | extensions | read and written as |
-//! |---|---|---|
-//! | NIfTI-1, NIfTI-2 | nii, nii.gz | integers of 8 to 32 bits, float, double; both byte orders; header and extensions are kept |
-//! | npy | npy | (Z, Y, X) or (Z, Y, X, C); integers of 8 to 32 bits, f4, f8; both orders; voxels of 1 mm |
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("scan.nii.gz");
+//! let mut scan = Volume::new([2, 2, 1], 1, vec![0.0, 80.0, 160.0, 255.0])?.with_voxel_size([1.0, 1.0, 2.5])?;
+//! scan.voxel_type = VoxelType::U8;
+//! write_volume(&path, &scan, &VolumeWriteOptions::default())?;
+//!
+//! let back = read_volume(&path, &VolumeReadOptions::default())?;
+//! assert_eq!(back.range(), Some([0.0, 255.0])); // Not scaled to [0, 1].
+//! assert_eq!(back.domain().pitch(), [1.0, 1.0, 2.5]); // Millimetres.
+//! let samples = back.to_samples::<1>()?;
+//! assert_eq!(Volume::from_samples(&samples, &back)?, back);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! | format | extensions | numbers | place | scaling | channels |
+//! |---|---|---|---|---|---|
+//! | NIfTI-1, NIfTI-2 | nii, nii.gz | u8 i8 u16 i16 u32 i32 f32 f64, RGB(A) read | affine, else rotation, else sizes; m, mm, um | yes | axes 4 to 7 |
+//! | NRRD, attached | nrrd | the same; raw, gzip, ascii; written as gzip | directions and origin, else spacings; units | no | one axis |
+//! | npy | npy | the same, both orders | no | no | (Z, Y, X, C) |
+//! | TIFF stack | tif, tiff | the same; one page per z | voxel size, in ImageJ's description | no | pixels or ImageJ's pages |
+//! | raw | json beside the numbers | the same, both byte orders | sizes or affine | yes | planes or side by side |
+//!
+//! Every format is read in both byte orders and written in little-endian.
+//!
+//! *Numbers.* A file's scaling (`slope * number + intercept`) is applied; nothing is normalised. Writing uses
+//! the number type and the scaling of the file the volume came from, so that values nobody changed become the
+//! same numbers again: up to 24 bits, and where the scaled values are different `f32`.
+//! [`VolumeReport::clipped`] counts what left the type's range.
+//!
+//! *Place.* The affine takes voxel indices to millimetres, and axes of the world point right, anterior,
+//! superior where the file knows. [`Placement`] relates two volumes: a shift, or anything else, for which
+//! [`Volume::resampled_like`] puts one onto the other's lattice. What NIfTI and NRRD say besides (intent,
+//! extensions, key and value pairs) returns to a file of the same format.
+//!
+//! *Raw numbers* are described by a JSON file, which is what one opens:
+//! ```json
+//! { "file": "head.raw", "shape": [91, 109, 91], "dtype": "i16", "endian": "little", "spacing": [2, 2, 2] }
+//! ```
+//! `file` stands in the same folder; `shape` is x, y, z with x fastest. Optional: `channels` (1), `order`
+//! (`"planar"` or `"interleaved"`), `endian` (`"little"`), `offset_bytes` (0), `spacing` in millimetres (1) or
+//! `affine` (three rows of four), `slope` (1), `intercept` (0), `description`. Writing makes `head.raw` beside
+//! `head.json`.
+//!
+//! # Meshes
+//! [`read_mesh`] collects the triangles of a glTF scene (`.glb`, `.gltf`) with the transforms of its nodes;
+//! [`Mesh::to_region`] makes a closed one a region. Colours, skins and animations are not read; Draco and sparse
+//! accessors are [`Error::UnsupportedFeature`].
 //!
 //! # What is left out
+//! * Of volumes: numbers in a separate file (.hdr and .img, .nhdr), complex and 64-bit integer numbers; time
+//!   has no lattice of its own, a series is channels. Sheared axes count as orthogonal in [`Volume::domain`].
 //! * Profiles are carried, not interpreted: the sRGB curve stands in for the curve of any profile, and
 //!   the primaries of EXR files and the gamma of PNG files are ignored.
 //! * Alpha stays as stored. EXR multiplies it into the colours by custom, PNG does not; going from
@@ -112,6 +160,7 @@ mod error;
 mod format;
 mod image;
 mod light_field;
+mod mesh;
 mod plan;
 mod read;
 mod sniff;
@@ -133,15 +182,16 @@ pub use crate::light_field::{
     LightField, LightFieldFormat, LightFieldReadOptions, LightFieldReport, LightFieldWriteOptions,
     check_light_field_target, decode_light_field, read_light_field, write_light_field,
 };
+pub use crate::mesh::{Mesh, decode_mesh, read_mesh};
 pub use crate::read::{ReadOptions, decode_image, read_image};
-pub use crate::sniff::{is_animation, is_view_grid};
+pub use crate::sniff::{is_animation, is_tiff_stack, is_view_grid};
 pub use crate::transfer::{Transfer, linear_to_srgb, srgb_to_linear};
 pub use crate::video::{
     Timing, Video, VideoFormat, VideoReport, VideoWriteOptions, check_video_target, decode_video,
     read_video, write_video,
 };
 pub use crate::volume::{
-    Affine, Scaling, Volume, VolumeFormat, VolumeReport, VolumeWriteOptions, VoxelType,
-    check_volume_target, decode_volume, read_volume, write_volume,
+    Affine, LengthUnit, Placement, Scaling, Volume, VolumeFormat, VolumeReadOptions, VolumeReport,
+    VolumeWriteOptions, VoxelType, check_volume_target, decode_volume, read_volume, write_volume,
 };
 pub use crate::write::{WriteOptions, WriteReport, check_target, check_write, write_image};

@@ -1,7 +1,11 @@
 //! Which kind of signal a file holds, where its name leaves a choice. Files that cannot be read, or are damaged, are
 //! none of these: whoever reads them says what is wrong.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
+
+use tiff::decoder::Decoder;
 
 use crate::light_field;
 use crate::strip::listing;
@@ -17,4 +21,15 @@ pub fn is_view_grid(path: impl AsRef<Path>) -> bool {
     let path = path.as_ref();
     let Some(Ok(files)) = listing::candidates(path) else { return false };
     light_field::grid_of(path, files).is_some_and(|grid| grid.iter().all(|n| *n > 1))
+}
+
+/// Whether a TIFF file has several pages, the first two of one size: a volume, not a picture with a preview.
+pub fn is_tiff_stack(path: impl AsRef<Path>) -> bool {
+    let Ok(file) = File::open(path) else { return false };
+    let Ok(mut pages) = Decoder::new(BufReader::new(file)) else { return false };
+    let first = pages.dimensions().ok();
+    first.is_some()
+        && pages.more_images()
+        && pages.next_image().is_ok()
+        && pages.dimensions().ok() == first
 }

@@ -60,7 +60,7 @@ fn bspline(x: f64) -> (f64, f64) {
 }
 
 /// Value and slopes (per unit of `pitch`) of a spline at a position in samples.
-fn jet(shape: &[usize], pitch: &[f64], c: &[f64], at: &[f64]) -> (f64, Vec<f64>) {
+pub fn jet(shape: &[usize], pitch: &[f64], c: &[f64], at: &[f64]) -> (f64, Vec<f64>) {
     let dims = shape.len();
     let (mut value, mut slopes) = (0.0, vec![0.0; dims]);
     for tap in 0..4usize.pow(dims as u32) {

@@ -17,25 +17,33 @@ pub struct Pair<const D: usize, const C: usize> {
     pub region: RasterMask<D>,
 }
 
-/// Most samples per axis: what keeps a few dozen solves within seconds.
-fn most(dims: usize) -> usize {
-    [90, 40, 16][dims - 1]
+/// Least and most samples per axis: what keeps a few dozen solves within seconds.
+fn sizes(dims: usize) -> [usize; 2] {
+    [[45, 90], [20, 40], [8, 16], [6, 9], [5, 7]][dims - 1]
 }
 
 impl<const D: usize, const C: usize> Pair<D, C> {
     /// Shape, anisotropic pitch, signals, and a ball, a ring or a half-space as region: all from
     /// one seed. Something is always inside and something outside.
     pub fn random(seed: u64) -> Self {
+        Self::random_of(seed, sizes(D))
+    }
+
+    /// The same with a least and a most number of samples per axis.
+    pub fn random_of(seed: u64, [least, most]: [usize; 2]) -> Self {
         let mut random = Random::new(seed);
         random.unit();
-        let most = most(D);
-        let shape =
-            std::array::from_fn(|_| most / 2 + (random.unit() * (most / 2 + 1) as f64) as usize);
+        let shape: [usize; D] =
+            std::array::from_fn(|_| least + (random.unit() * (most - least + 1) as f64) as usize);
         let pitch = std::array::from_fn(|_| 0.7 + 0.6 * random.unit() as f32);
         let origin = std::array::from_fn(|_| 4.0 * random.unit() as f32 - 2.0);
         let domain = Domain::new(shape, pitch, origin, Unit::Sample).expect("a valid lattice");
         let centre: [f64; D] = std::array::from_fn(|_| 0.5 * random.unit() - 0.25);
         let (kind, radius) = ((random.unit() * 3.0) as usize, 0.4 + 0.3 * random.unit());
+        // A ball of the same radius is an ever smaller share of a cube of more axes. It must hold a sample, and the
+        // nearest may be half a pitch away along every axis.
+        let nearest = shape.iter().map(|n| (*n as f64).powi(-2)).sum::<f64>().sqrt();
+        let radius = (radius * (D as f64 / 3.0).max(1.0).sqrt()).max(1.05 * nearest);
         let region = mask(domain, |u| {
             let r = (0..D).map(|d| (u[d] - centre[d]).powi(2)).sum::<f64>().sqrt();
             f64::from(match kind {

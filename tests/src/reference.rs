@@ -201,7 +201,26 @@ pub fn energy(lattice: &Lattice, c: &[f64], terms: &[Terms]) -> f64 {
 /// The minimising coefficients. `fixed` marks coefficients that keep the values in `start`.
 pub fn minimise(lattice: &Lattice, terms: &[Terms], start: &[f64], fixed: &[bool]) -> Vec<f64> {
     let n = start.len();
+    let free: Vec<bool> = (0..n).map(|i| fixed.is_empty() || !fixed[i]).collect();
+    if n <= 900 {
+        let mut matrix = vec![0.0; n * n];
+        let rhs = assemble(lattice, terms, n, |i, j, v| matrix[i * n + j] += v);
+        return direct(&matrix, &rhs, start, &free);
+    }
     let mut matrix: Vec<BTreeMap<usize, f64>> = vec![BTreeMap::new(); n];
+    let rhs = assemble(lattice, terms, n, |i, j, v| *matrix[i].entry(j).or_insert(0.0) += v);
+    let rows: Vec<Vec<(usize, f64)>> =
+        matrix.into_iter().map(|r| r.into_iter().collect()).collect();
+    iterate(&rows, &rhs, start, &free)
+}
+
+/// Hands every product of two basis functions to `add` as row, column, value; returns the right-hand side.
+fn assemble(
+    lattice: &Lattice,
+    terms: &[Terms],
+    n: usize,
+    mut add: impl FnMut(usize, usize, f64),
+) -> Vec<f64> {
     let mut rhs = vec![0.0; n];
     for (p, t) in lattice.points.iter().zip(terms) {
         let value_weight: f64 = t.values.iter().map(|(w, _)| w).sum();
@@ -211,31 +230,20 @@ pub fn minimise(lattice: &Lattice, terms: &[Terms], start: &[f64], fixed: &[bool
             rhs[*i] += t.gradient.0 * slope_dot + vi * value_target;
             for (j, vj, sj) in &p.basis {
                 let stiffness: f64 = si.iter().zip(sj).map(|(a, b)| a * b).sum();
-                *matrix[*i].entry(*j).or_insert(0.0) +=
-                    t.gradient.0 * stiffness + value_weight * vi * vj;
+                add(*i, *j, t.gradient.0 * stiffness + value_weight * vi * vj);
             }
         }
     }
-    let rows: Vec<Vec<(usize, f64)>> =
-        matrix.into_iter().map(|r| r.into_iter().collect()).collect();
-    let free: Vec<bool> = (0..n).map(|i| fixed.is_empty() || !fixed[i]).collect();
-    if n <= 900 { direct(&rows, &rhs, start, &free) } else { iterate(&rows, &rhs, start, &free) }
+    rhs
 }
 
-fn direct(rows: &[Vec<(usize, f64)>], rhs: &[f64], start: &[f64], free: &[bool]) -> Vec<f64> {
+fn direct(matrix: &[f64], rhs: &[f64], start: &[f64], free: &[bool]) -> Vec<f64> {
     let unknown: Vec<usize> = (0..rhs.len()).filter(|i| free[*i]).collect();
-    let place: BTreeMap<usize, usize> = unknown.iter().enumerate().map(|(k, i)| (*i, k)).collect();
-    let mut a = nalgebra::DMatrix::<f64>::zeros(unknown.len(), unknown.len());
-    let mut b = nalgebra::DVector::<f64>::zeros(unknown.len());
-    for (k, i) in unknown.iter().enumerate() {
-        b[k] = rhs[*i];
-        for (j, v) in &rows[*i] {
-            match place.get(j) {
-                Some(l) => a[(k, *l)] += v,
-                None => b[k] -= v * start[*j],
-            }
-        }
-    }
+    let n = rhs.len();
+    let m = unknown.len();
+    let a = nalgebra::DMatrix::from_fn(m, m, |k, l| matrix[unknown[k] * n + unknown[l]]);
+    let known = |i: usize| (0..n).filter(|j| !free[*j]).map(move |j| matrix[i * n + j] * start[j]);
+    let b = nalgebra::DVector::from_fn(m, |k, _| rhs[unknown[k]] - known(unknown[k]).sum::<f64>());
     let x = a.cholesky().expect("a positive definite reference matrix").solve(&b);
     let mut c = start.to_vec();
     unknown.iter().enumerate().for_each(|(k, i)| c[*i] = x[k]);

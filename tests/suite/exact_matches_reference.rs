@@ -72,6 +72,21 @@ fn volume_with_natural_borders() {
     all_on::<3, 2>("volume", domain, &ball(domain, 0.75));
 }
 
+/// The reference sums over all pairs of 256 basis functions at every point: no more samples than keep that short.
+#[test]
+fn light_field_with_natural_borders() {
+    let domain = Domain::unit([5, 4, 4, 4]).unwrap();
+    all_on::<4, 1>("light field", domain, &ball(domain, 0.9));
+}
+
+/// As many pairs as three samples per axis leave; positions and directions have scales of their own.
+#[test]
+fn radiance_with_natural_borders() {
+    let pitch = [1.0, 0.8, 1.1, 2.0, 2.5];
+    let domain = Domain::new([3, 3, 3, 4, 3], pitch, [0.0; 5], Unit::Sample).unwrap();
+    all_on::<5, 1>("radiance", domain, &ball(domain, 0.9));
+}
+
 #[test]
 fn image_with_natural_borders() {
     let domain = Domain::unit([28, 23]).unwrap();

@@ -16,8 +16,14 @@ pub const DEFAULT_SEED: u64 = 1;
 /// `npsolve fit`
 #[derive(Debug, Args)]
 pub struct FitArgs {
-    /// The picture to fit, of 1 to 4 channels.
+    /// The signal to fit, of 1 to 4 channels: a picture, sound, a volume, a video or a light field.
     pub signal: PathBuf,
+    /// What the file is [default: what its name and content say].
+    #[arg(long, value_enum)]
+    pub kind: Option<SignalKind>,
+    /// The light field is a picture of lenslets with this many pixels across and down below each lens.
+    #[arg(long, value_name = "UxV", value_parser = values::size)]
+    pub lenslet: Option<Size>,
     /// The field, a .safetensors file. Until the fit is finished it holds all that --resume needs.
     #[arg(short, long, value_name = "FIELD")]
     pub output: PathBuf,
@@ -78,7 +84,7 @@ impl FitArgs {
 /// `npsolve render`
 #[derive(Debug, Args)]
 pub struct RenderArgs {
-    /// A field over pictures (.safetensors), or any picture, which stands for the cubic spline
+    /// A field (.safetensors), or any picture, which stands for the cubic spline
     /// through its pixels. Of a video one frame, of a light field one view, of a volume slices, of sound
     /// the spectrogram.
     pub field: PathBuf,
@@ -101,6 +107,10 @@ pub struct RenderArgs {
     /// What the file is [default: what its name and content say].
     #[arg(long, value_enum)]
     pub kind: Option<SignalKind>,
+    /// Write the signal itself and not a picture of it: sound, a volume, a video or a light field on its own lattice,
+    /// or on one finer by --scale. Endings that no picture has, such as wav and nii, mean the same.
+    #[arg(long, conflicts_with_all = ["frame", "view", "refocus", "slice"])]
+    pub whole: bool,
     /// The picture; the extension says the format: png, jpg, tif, webp, pgm, ppm, pam, pfm, hdr, exr, npy.
     #[arg(short, long, value_name = "OUT", required_unless_present = "gradient")]
     pub output: Option<PathBuf>,

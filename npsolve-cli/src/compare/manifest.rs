@@ -1,67 +1,33 @@
 //! `npsolve compare --manifest`: many scenes, one line each.
 
-use std::collections::BTreeMap;
-use std::fs;
+pub mod entry;
+
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, bail};
-use serde::Deserialize;
+use anyhow::{Result, anyhow, bail};
 use signal_io::WriteOptions;
 
 use crate::args::{CompareArgs, SceneArgs};
-use crate::scene::Scene;
 use crate::values::GuidanceName;
 use crate::{console, files};
 
+use self::entry::Entry;
 use super::methods::Case;
+use super::subject::Subject;
 use super::table::{Line, Table, to_csv};
-use super::{TABLE_CSV, sheet};
-
-/// The part of the file that is used. Scenes are read one by one, so that a bad one spoils only itself.
-#[derive(Deserialize)]
-struct Manifest {
-    blend_2d: Vec<serde_json::Value>,
-}
-
-/// One scene of a manifest; paths are relative to the file.
-#[derive(Deserialize)]
-pub struct Entry {
-    /// Its name.
-    pub name: String,
-    /// The picture to paste into.
-    pub background: PathBuf,
-    /// The picture to paste.
-    pub patch: PathBuf,
-    /// Without masks the patch's alpha, or the whole patch, is the region.
-    #[serde(default)]
-    pub masks: BTreeMap<String, PathBuf>,
-    /// Where the patch's first pixel goes.
-    pub offset: [f32; 2],
-    /// Without names the guidance of the command line.
-    #[serde(default)]
-    guidance: Vec<String>,
-}
-
-/// The folder that paths are relative to, and the scenes, not yet looked at.
-pub fn read(path: &Path) -> Result<(&Path, Vec<serde_json::Value>)> {
-    let text = fs::read_to_string(path)
-        .with_context(|| format!("cannot read {}; check the path", path.display()))?;
-    let manifest: Manifest = serde_json::from_str(&text).with_context(|| {
-        format!("{} is not a list of scenes; it needs a JSON list \"blend_2d\"", path.display())
-    })?;
-    Ok((path.parent().unwrap_or(Path::new("")), manifest.blend_2d))
-}
+use super::{Shown, TABLE_CSV, Visitor, sheet};
 
 /// Runs all scenes. Bad ones are reported, the others go on, and the command fails at the end.
 pub fn run(path: &Path, args: &CompareArgs, quiet: bool) -> Result<()> {
-    let (folder, scenes) = read(path)?;
+    let scenes = entry::read(path)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
     let mut all =
         Run { args, folder, tables: Vec::new(), failures: 0, print: !quiet && !args.json };
     all.check_targets()?;
     all.say(&header())?;
-    for (k, value) in scenes.into_iter().enumerate() {
+    for (k, (dimensions, value)) in scenes.into_iter().enumerate() {
         match serde_json::from_value::<Entry>(value) {
-            Ok(entry) => all.scene(&entry)?,
+            Ok(entry) => all.scene(dimensions, &entry)?,
             Err(e) => all.fail(&anyhow!("scene {} of {}: {e}", k + 1, path.display())),
         }
     }
@@ -92,20 +58,12 @@ impl Run<'_> {
         console::error(&format!("{error:#}"));
     }
 
-    /// Every mask with every guidance.
-    fn scene(&mut self, entry: &Entry) -> Result<()> {
-        let mut masks: Vec<(&str, Option<PathBuf>)> = Vec::new();
-        for (name, path) in &entry.masks {
-            masks.push((name, Some(self.folder.join(path))));
-        }
-        if masks.is_empty() {
-            masks.push(("all", None));
-        }
-        for (mask_name, mask) in masks {
+    /// Every region with every guidance.
+    fn scene(&mut self, dimensions: usize, entry: &Entry) -> Result<()> {
+        for (region, place) in entry.scenes(self.folder, &self.args.scene) {
             for guidance in self.guidances(entry) {
-                let name = format!("{}-{mask_name}", entry.name);
-                let done =
-                    guidance.and_then(|guidance| self.case(entry, &name, mask.clone(), guidance));
+                let name = format!("{}-{region}", entry.name);
+                let done = guidance.and_then(|g| self.case(dimensions, entry, &name, &place, g));
                 match done {
                     Ok(table) => {
                         self.say(&one_line(&name, &table))?;
@@ -129,27 +87,26 @@ impl Run<'_> {
 
     fn case(
         &self,
+        dimensions: usize,
         entry: &Entry,
         name: &str,
-        mask: Option<PathBuf>,
+        place: &SceneArgs,
         guidance: GuidanceName,
     ) -> Result<Table> {
-        let [background, patch] = [&entry.background, &entry.patch].map(|p| self.folder.join(p));
-        let place = SceneArgs { mask, at: Some(entry.offset.into()), ..self.args.scene.clone() };
-        let scene = Scene::read(&background, &patch, &place)?;
-        let mut case = Case::new(name.to_owned(), scene, self.args)?;
-        case.guidance = guidance;
         let file = format!("{name}-{guidance}.png").replace([':', ',', '/', '\\'], "-");
         let target = self.args.output.as_ref().map(|folder| folder.join(file));
         if let Some(target) = &target {
             files::check_picture(target, self.args.force)?;
         }
-        let rows = case.run(&mut |_| {})?;
-        if let Some(target) = &target {
-            let options = WriteOptions { force: self.args.force, ..WriteOptions::default() };
-            files::write(target, &sheet::draw(&case, &rows)?, &options)?;
-        }
-        Ok(Table::new(&case, &rows))
+        let [background, patch] = [&entry.background, &entry.patch].map(|p| self.folder.join(p));
+        let subject = Subject {
+            kind: Entry::kind(dimensions),
+            background: &background,
+            patch: &patch,
+            scene: place,
+            args: self.args,
+        };
+        subject.open(OfMany { name, guidance, target, force: self.args.force })
     }
 
     fn finish(self) -> Result<()> {
@@ -172,6 +129,31 @@ impl Run<'_> {
     }
 }
 
+/// A comparison among others.
+struct OfMany<'a> {
+    name: &'a str,
+    guidance: GuidanceName,
+    /// Of its sheet.
+    target: Option<PathBuf>,
+    force: bool,
+}
+
+impl Visitor for OfMany<'_> {
+    type Output = Table;
+
+    fn visit<const D: usize>(self, mut case: Case<'_, D>, shown: &dyn Shown) -> Result<Table> {
+        case.name = self.name.to_owned();
+        case.guidance = self.guidance;
+        let rows = case.run(&mut |_| {})?;
+        if let Some(target) = &self.target {
+            let options = WriteOptions { force: self.force, ..WriteOptions::default() };
+            let sheet = sheet::draw(&case, &rows, &|planes| shown.around(planes))?;
+            files::write(target, &sheet, &options)?;
+        }
+        Ok(Table::new(&case, &rows, shown.unit()))
+    }
+}
+
 /// Methods whose seams are in the line of a case.
 const SHOWN: [(&str, &str); 4] = [
     ("screened (ours)", "ours"),
@@ -183,9 +165,9 @@ const SHOWN: [(&str, &str); 4] = [
 fn header() -> String {
     let names: String = SHOWN.iter().map(|(_, short)| format!("{short:>8}")).collect();
     format!(
-        "seam RMS in grey levels of 255 per pixel, all in the screened spline operator; strongest by \
+        "seam RMS times 255 per unit of length, all in the screened spline operator; strongest by \
          the norm over channels and axes\n{:<24}{:<12}{:>8}{:>9}{names}{:>10}\n",
-        "case", "guidance", "pixels", "seconds", "not 0..1"
+        "case", "guidance", "samples", "seconds", "not 0..1"
     )
 }
 

@@ -1,4 +1,4 @@
-//! The methods that are compared, run on one scene and measured in one operator.
+//! The methods that are compared, run on one problem and measured in one operator.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -8,30 +8,30 @@ use inr_core::Samples;
 use poisson_loss::{
     Baseline, Metrics, Objective, Options, Patch, Problem, Report, measure, solve, solve_baseline,
 };
-use signal_io::Image;
 
-use crate::args::{CompareArgs, DEFAULT_LAMBDA, ObjectiveName};
+use crate::args::{CompareArgs, DEFAULT_LAMBDA};
 use crate::channels::{self, ChannelJob, with_channels};
-use crate::scene::{Scene, samples_of};
-use crate::solve::explain;
+use crate::solve::{Planes, Settings, Setup, explain};
 use crate::values::GuidanceName;
 
 /// f32 accuracy: all excesses are measured against our own solution.
-const TOLERANCE: f32 = 1e-6;
+pub const TOLERANCE: f32 = 1e-6;
 
-/// One scene with everything that is to be compared on it.
-pub struct Case {
+/// One problem with everything that is to be compared on it.
+pub struct Case<'a, const D: usize> {
     /// Name in a list of cases; empty when there is one only.
     pub name: String,
-    /// Pictures, mask and place.
-    pub scene: Scene,
+    /// Signals, region and place.
+    pub setup: Setup<'a, D>,
+    /// What the user should know about them.
+    pub warnings: Vec<String>,
     /// The gradient to follow.
     pub guidance: GuidanceName,
     /// The screened problem in which everything is measured.
     pub options: Options,
     keep: Option<f32>,
     lambda: f32,
-    others: Vec<(PathBuf, Image)>,
+    others: Vec<(PathBuf, Vec<f32>)>,
 }
 
 /// A method by name.
@@ -79,17 +79,24 @@ pub fn ours(rows: &[Row]) -> Result<&[f32]> {
         .ok_or_else(|| anyhow!("the screened solution is missing from the comparison"))
 }
 
-impl Case {
-    /// A case with the options of the command line.
-    pub fn new(name: String, scene: Scene, args: &CompareArgs) -> Result<Self> {
-        let other =
-            |path: &PathBuf| Ok((path.clone(), scene.like_background(path, args.scene.gray)?));
-        let others = args.other.iter().map(other).collect::<Result<_>>()?;
-        let mut options = args.solve.options(ObjectiveName::Screened, TOLERANCE);
-        options.objective = Objective::Screened { length: args.solve.length, keep: None };
-        let (guidance, keep) = (args.solve.guidance, args.solve.keep);
+impl<'a, const D: usize> Case<'a, D> {
+    /// A case whose lengths are in units of the lattice. `others` are somebody else's results.
+    pub fn new(
+        setup: Setup<'a, D>,
+        warnings: &[String],
+        settings: &Settings,
+        args: &CompareArgs,
+        others: Vec<(PathBuf, Vec<f32>)>,
+    ) -> Self {
+        let Settings { guidance, mut options } = *settings;
+        let (mut length, mut keep) = (None, None);
+        if let Objective::Screened { length: l, keep: k } = options.objective {
+            (length, keep) = (l, k);
+        }
+        options.objective = Objective::Screened { length, keep: None };
         let lambda = args.solve.lambda.unwrap_or(DEFAULT_LAMBDA);
-        Ok(Self { name, scene, guidance, options, keep, lambda, others })
+        let (name, warnings) = (String::new(), warnings.to_vec());
+        Self { name, setup, warnings, guidance, options, keep, lambda, others }
     }
 
     /// All methods in the order of the table.
@@ -125,10 +132,12 @@ impl Case {
     /// Runs and measures all methods. A method that fails becomes a row that says why; without our
     /// own solution there is nothing to compare with.
     pub fn run(&self, progress: &mut (dyn FnMut(f32) + Send)) -> Result<Vec<Row>> {
-        let n = self.scene.channels();
+        let n = self.setup.background.channels();
         with_channels(n, Comparison { case: self, progress }).ok_or_else(|| {
-            let (name, most) = (&self.scene.names[0], channels::MOST);
-            anyhow!("{name} has {n} colour channels; compare works with 1 to {most}, so use blend --metrics")
+            let (name, most) = (&self.setup.names[0], channels::MOST);
+            anyhow!(
+                "{name} has {n} channels; compare works with 1 to {most}, so use blend --metrics"
+            )
         })?
     }
 }
@@ -137,62 +146,62 @@ fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-struct Comparison<'a> {
-    case: &'a Case,
+struct Comparison<'a, const D: usize> {
+    case: &'a Case<'a, D>,
     progress: &'a mut (dyn FnMut(f32) + Send),
 }
 
-impl ChannelJob for Comparison<'_> {
+impl<const D: usize> ChannelJob for Comparison<'_, D> {
     type Output = Result<Vec<Row>>;
 
     fn run<const C: usize>(self) -> Result<Vec<Row>> {
-        let case = self.case;
-        let scene = &case.scene;
-        let (background, patch) =
-            (samples_of::<C>(&scene.background, 0)?, samples_of::<C>(&scene.patch, 0)?);
-        let region = scene.region();
+        let (case, setup) = (self.case, &self.case.setup);
+        let (background, patch) = (setup.background.samples::<C>(0)?, setup.patch.samples::<C>(0)?);
         let problem = Problem {
             background: &background,
-            patch: Patch::Samples { samples: &patch, offset: scene.offset },
-            region: &region,
-            guidance: case.guidance.to_guidance::<2, C>(),
+            patch: Patch::Samples { samples: &patch, offset: setup.offset },
+            region: setup.region,
+            guidance: case.guidance.to_guidance::<D, C>(),
             options: case.options,
         };
-        let exact = solve(&problem).map_err(|e| explain(e, &scene.names))?.samples;
+        let exact = solve(&problem).map_err(|e| explain(e, setup.names))?.samples;
         let methods = case.methods();
         let count = methods.len() as f32;
         let mut rows = Vec::new();
         for (k, method) in methods.into_iter().enumerate() {
             (self.progress)(k as f32 / count);
             let result = case.solve(&problem, &method);
-            rows.push(measured(&problem, method, result, &exact, scene));
+            rows.push(measured(&problem, method, result, &exact, setup.names));
         }
         Ok(rows)
     }
 }
 
 /// Samples with the time they took and the solver's report, where there are these.
-type Outcome<const C: usize> = Result<(Samples<2, C>, Option<f64>, Option<Report>)>;
+type Outcome<const D: usize, const C: usize> = Result<(Samples<D, C>, Option<f64>, Option<Report>)>;
 
-impl Case {
-    fn solve<const C: usize>(&self, problem: &Problem<'_, 2, C>, method: &Method) -> Outcome<C> {
+impl<const D: usize> Case<'_, D> {
+    fn solve<const C: usize>(&self, problem: &Problem<'_, D, C>, method: &Method) -> Outcome<D, C> {
         let start = Instant::now();
         let blend = match method.kind {
-            Kind::Other(k) => return Ok((samples_of::<C>(&self.others[k].1, 0)?, None, None)),
+            Kind::Other(k) => {
+                let planes = Planes { values: &self.others[k].1, ..self.setup.background };
+                return Ok((planes.samples::<C>(0)?, None, None));
+            }
             Kind::Baseline(baseline) => solve_baseline(problem, baseline),
             Kind::Spline(options) => solve(&Problem { options, ..problem.clone() }),
         };
-        let blend = blend.map_err(|e| explain(e, &self.scene.names))?;
+        let blend = blend.map_err(|e| explain(e, self.setup.names))?;
         Ok((blend.samples, Some(start.elapsed().as_secs_f64()), Some(blend.report)))
     }
 }
 
-fn measured<const C: usize>(
-    problem: &Problem<'_, 2, C>,
+fn measured<const D: usize, const C: usize>(
+    problem: &Problem<'_, D, C>,
     method: Method,
-    result: Outcome<C>,
-    exact: &Samples<2, C>,
-    scene: &Scene,
+    result: Outcome<D, C>,
+    exact: &Samples<D, C>,
+    names: &[String; 2],
 ) -> Row {
     let failed = |method, error: anyhow::Error| Row {
         method,
@@ -207,7 +216,7 @@ fn measured<const C: usize>(
         Err(error) => return failed(method, error),
     };
     match measure(problem, &samples, Some(exact)) {
-        Err(error) => failed(method, explain(error, &scene.names)),
+        Err(error) => failed(method, explain(error, names)),
         Ok(mut metrics) => {
             if let (OURS, Some(report)) = (method.slug.as_str(), &report) {
                 // Against itself it would be zero; the solver knows how far it may be off.

@@ -26,20 +26,17 @@ const INK: [f32; 3] = [0.05; 3];
 const MARGIN: (f32, f32) = (0.2, 12.0);
 
 /// The absolute difference of a result to ours as a screen shows both, eight times enlarged.
-pub fn difference(scene: &Scene, planes: &[f32], ours: &[f32]) -> Result<Image> {
-    let [shown, ours] = [planes, ours].map(|p| shown(scene, p));
-    shown?.difference(&ours?, GAIN).to_image()
+pub fn difference(result: Canvas, ours: &Canvas) -> Result<Image> {
+    result.difference(ours, GAIN).to_image()
 }
 
-fn shown(scene: &Scene, planes: &[f32]) -> Result<Canvas> {
-    Canvas::from_image(&scene.picture(planes.to_vec(), false)?)
-}
-
-/// Draws the sheet.
-pub fn draw(case: &Case, rows: &[Row]) -> Result<Image> {
-    let (start, size) = surroundings(&case.scene);
-    let crop = |planes: &[f32]| shown(&case.scene, planes)?.cropped(start, size);
-    let ours = crop(methods::ours(rows)?)?;
+/// Draws the sheet; `view` shows the planes of a result.
+pub fn draw<const D: usize>(
+    case: &Case<'_, D>,
+    rows: &[Row],
+    view: &dyn Fn(&[f32]) -> Result<Canvas>,
+) -> Result<Image> {
+    let ours = view(methods::ours(rows)?)?;
     let cell_height = ours.scaled_to(CELL)?.size()[1];
     let block = [CELL + GAP, 2 * LINE + 2 * cell_height + 2 * GAP];
     let head = 2 * LINE + 2 * GAP;
@@ -56,7 +53,7 @@ pub fn draw(case: &Case, rows: &[Row]) -> Result<Image> {
         sheet.write(&fitting(&row.method.label), at, SCALE, INK);
         sheet.write(&fitting(&caption(row)), [at[0], at[1] + LINE], SCALE, INK);
         let Some(planes) = &row.planes else { continue };
-        let result = crop(planes)?;
+        let result = view(planes)?;
         let difference = result.clone().difference(&ours, GAIN);
         let y = at[1] + 2 * LINE;
         sheet.put(&result.scaled_to(CELL)?, [at[0], y]);
@@ -65,9 +62,9 @@ pub fn draw(case: &Case, rows: &[Row]) -> Result<Image> {
     sheet.to_image()
 }
 
-fn title(case: &Case) -> String {
+fn title<const D: usize>(case: &Case<'_, D>) -> String {
     let file = |k: usize| {
-        let name = Path::new(&case.scene.names[k]).file_name().unwrap_or_default();
+        let name = Path::new(&case.setup.names[k]).file_name().unwrap_or_default();
         name.to_string_lossy().into_owned()
     };
     let name = match case.name.is_empty() {
@@ -87,6 +84,12 @@ fn caption(row: &Row) -> String {
 /// As much of a text as fits a cell.
 fn fitting(text: &str) -> String {
     text.chars().take(CELL / (font::ADVANCE * SCALE)).collect()
+}
+
+/// The part of a picture around the mask.
+pub fn around(scene: &Scene, planes: &[f32]) -> Result<Canvas> {
+    let (start, size) = surroundings(scene);
+    Canvas::from_image(&scene.picture(planes.to_vec(), false)?)?.cropped(start, size)
 }
 
 /// First pixel and size of the part of the background around the mask.

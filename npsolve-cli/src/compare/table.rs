@@ -18,7 +18,7 @@ pub struct Table {
     case: String,
     background: String,
     patch: String,
-    offset: [f32; 2],
+    offset: Vec<f32>,
     region_samples: f64,
     guidance: String,
     strongest_rule: Option<&'static str>,
@@ -36,6 +36,8 @@ pub struct Line {
     /// Time of the solver.
     pub seconds: Option<f64>,
     iterations: Option<usize>,
+    /// Relative, of the solver's equations.
+    pub residual: Option<f64>,
     m1: Option<f64>,
     m2: Option<f64>,
     m1_paper: Option<f64>,
@@ -61,9 +63,9 @@ const OPERATOR: &str = "cubic splines through the samples; integrals by the midp
 
 impl Table {
     /// Collects the rows of a case.
-    pub fn new(case: &Case, rows: &[Row]) -> Self {
+    pub fn new<const D: usize>(case: &Case<'_, D>, rows: &[Row], unit: &'static str) -> Self {
         let reports = || rows.iter().filter_map(|r| r.report.as_ref());
-        let mut warnings = case.scene.warnings.clone();
+        let mut warnings = case.warnings.clone();
         for warning in reports().flat_map(|r| &r.warnings) {
             if !warnings.contains(warning) {
                 warnings.push(warning.clone());
@@ -77,9 +79,9 @@ impl Table {
         let length = given.or(screened.and_then(|r| r.report.as_ref()?.length));
         Self {
             case: case.name.clone(),
-            background: case.scene.names[0].clone(),
-            patch: case.scene.names[1].clone(),
-            offset: case.scene.offset,
+            background: case.setup.names[0].clone(),
+            patch: case.setup.names[1].clone(),
+            offset: case.setup.offset.to_vec(),
             region_samples: reports().map(|r| r.region_samples).fold(0.0, f64::max),
             guidance: case.guidance.to_string(),
             strongest_rule: match case.guidance {
@@ -87,7 +89,7 @@ impl Table {
                 _ => None,
             },
             objective: match length {
-                Some(length) => format!("screened, length {length:.2} px"),
+                Some(length) => format!("screened, length {length:.2} {unit}"),
                 None => "screened".to_owned(),
             },
             operator: OPERATOR,
@@ -118,17 +120,19 @@ impl Table {
 
     /// A header that says what was measured how, and one line per method.
     pub fn to_text(&self) -> String {
-        let [x, y] = self.offset;
+        let at: Vec<String> = self.offset.iter().map(f32::to_string).collect();
         let mut text = format!(
-            "{} into {} at {x},{y}: {:.0} pixels\n",
-            self.patch, self.background, self.region_samples
+            "{} into {} at {}: {:.0} samples\n",
+            self.patch,
+            self.background,
+            at.join(","),
+            self.region_samples
         );
         let rule = self.strongest_rule.map_or(String::new(), |r| format!(" ({r})"));
         let _ = writeln!(text, "guidance  {}{rule}", self.guidance);
         let _ = writeln!(text, "measured  in one operator for all rows: {}", self.operator);
         let _ = writeln!(text, "objective {}; excess against its exact minimum", self.objective);
-        text +=
-            "seam      |grad c - v| near the region's edge, in grey levels of 255 per pixel\n\n";
+        text += "seam      |grad c - v| near the region's edge, times 255 (grey levels) per unit of length\n\n";
         let _ = writeln!(
             text,
             "{:<20}{:>8}{:>5}{:>10}{:>10}{:>10}{:>10}{:>11}{:>10}{:>8}{:>8}{:>9}{:>9}",
@@ -166,6 +170,7 @@ impl Line {
             solver: row.method.label.clone(),
             seconds: row.seconds,
             iterations: row.report.as_ref().map(|r| r.iterations),
+            residual: row.report.as_ref().map(|r| r.residual),
             m1: finite(|m| m.m1),
             m2: finite(|m| m.m2),
             m1_paper: finite(|m| m.m1_paper),

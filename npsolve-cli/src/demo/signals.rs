@@ -129,13 +129,10 @@ fn volume(folder: &Path) -> Result<Story> {
             let shell = (-80.0 * (r - 0.9) * (r - 0.9)).exp();
             body * (gain * (70.0 + 25.0 * grain + 60.0 * shell) + lift)
         };
-        let mut volume = Volume::new([N; 3], 1, (0..N * N * N).map(value).collect())?;
-        volume.set_affine([
-            [2.0, 0.0, 0.0, -71.0],
-            [0.0, 2.0, 0.0, -71.0],
-            [0.0, 0.0, 2.0, -71.0],
-        ])?;
-        volume.voxel = VoxelType::I16;
+        let affine = [[2.0, 0.0, 0.0, -71.0], [0.0, 2.0, 0.0, -71.0], [0.0, 0.0, 2.0, -71.0]];
+        let values = (0..N * N * N).map(value).collect();
+        let mut volume = Volume::new([N; 3], 1, values)?.with_affine(affine)?;
+        volume.voxel_type = VoxelType::I16;
         Ok(volume)
     };
     let (background, patch) = (make(1.0, 0.0, 0.0)?, make(1.3, 35.0, 2.0)?);

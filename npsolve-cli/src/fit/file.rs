@@ -1,5 +1,6 @@
 //! The file of a fit: written while it goes on, read when it is taken up again.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -8,7 +9,6 @@ use inr_core::{Checkpoint, Domain, Trainer};
 use serde_json::Value;
 
 use super::recipe::Recipe;
-use crate::picture_kind::PictureKind;
 use crate::{field_file, files};
 
 /// Key of the recipe in the state of a training.
@@ -17,13 +17,13 @@ pub const RECIPE: &str = "recipe";
 pub const FINISHED: &str = "finished";
 
 /// Writes the states of one training to one file, each whole or not at all.
-pub struct TrainingFile {
+pub struct TrainingFile<const D: usize> {
     /// Where it is.
     pub path: PathBuf,
     /// Lattice of the signal.
-    pub domain: Domain<2>,
-    /// What pictures of the field are like.
-    pub kind: PictureKind,
+    pub domain: Domain<D>,
+    /// What signals of the field are like.
+    pub notes: BTreeMap<String, String>,
     /// Lowest and highest value of the signal.
     pub range: [f32; 2],
     /// How the training came about.
@@ -38,9 +38,9 @@ pub struct TrainingFile {
     pub has_state: bool,
 }
 
-impl TrainingFile {
+impl<const D: usize> TrainingFile<D> {
     /// Writes the unfinished training if it is time.
-    pub fn write_if_due<const C: usize>(&mut self, trainer: &Trainer<2, C>) -> Result<()> {
+    pub fn write_if_due<const C: usize>(&mut self, trainer: &Trainer<D, C>) -> Result<()> {
         if self.last.elapsed() >= self.every {
             self.write(trainer, true, false)?;
         }
@@ -50,7 +50,7 @@ impl TrainingFile {
     /// Writes the network, with the training's state or without; gives the size of the file.
     pub fn write<const C: usize>(
         &mut self,
-        trainer: &Trainer<2, C>,
+        trainer: &Trainer<D, C>,
         with_training: bool,
         finished: bool,
     ) -> Result<usize> {
@@ -58,7 +58,7 @@ impl TrainingFile {
             true => Some(self.with_recipe(trainer.to_training(), finished)?),
             false => None,
         };
-        let mut notes = self.kind.to_notes();
+        let mut notes = self.notes.clone();
         notes.insert("field".to_owned(), self.recipe.field.name().to_owned());
         let checkpoint = Checkpoint {
             network: trainer.network.clone(),
@@ -89,14 +89,14 @@ impl TrainingFile {
 }
 
 /// A training taken from its file.
-pub struct Unfinished<const C: usize> {
+pub struct Unfinished<const D: usize, const C: usize> {
     /// The training.
-    pub trainer: Trainer<2, C>,
+    pub trainer: Trainer<D, C>,
     /// How it was begun.
     pub recipe: Recipe,
 }
 
-impl<const C: usize> Unfinished<C> {
+impl<const D: usize, const C: usize> Unfinished<D, C> {
     /// Reads the file of an unfinished fit of this signal; `signal` names it in messages.
     pub fn read(path: &Path, signal: &str, fingerprint: &str) -> Result<Self> {
         let file = path.display();
@@ -111,13 +111,13 @@ impl<const C: usize> Unfinished<C> {
         let recipe: Recipe = serde_json::from_value(state[RECIPE].clone()).map_err(|_| {
             anyhow!("{file} holds a training that fit did not begin; go on with it where it began")
         })?;
-        if recipe.signal != fingerprint || [about.dimensions, about.channels] != [2, C] {
+        if recipe.signal != fingerprint || [about.dimensions, about.channels] != [D, C] {
             bail!(
-                "{file} was begun with other pixels than those of {signal}; give the same picture, or \
+                "{file} was begun with other values than those of {signal}; give the same file, or \
                  begin again with --force"
             );
         }
-        let checkpoint = field_file::checkpoint::<2, C>(path, &bytes)?;
+        let checkpoint = field_file::checkpoint::<D, C>(path, &bytes)?;
         let training = checkpoint.training.with_context(|| format!("{file} is finished"))?;
         let trainer = Trainer::from_training(checkpoint.network, training)
             .with_context(|| format!("{file} is damaged; begin again with --force"))?;

@@ -99,10 +99,10 @@ fn given(args: &FitArgs) -> Map<String, Value> {
 }
 
 /// Sixteen digits that change with any bit of the values or the shape: FNV-1a over 32-bit words.
-pub fn fingerprint<const C: usize>(samples: &Samples<2, C>) -> String {
-    let [w, h] = samples.domain().shape();
-    let words = [w as u32, h as u32, C as u32];
-    let all = words.into_iter().chain(samples.as_planar().iter().map(|v| v.to_bits()));
+pub fn fingerprint<const D: usize, const C: usize>(samples: &Samples<D, C>) -> String {
+    let shape = samples.domain().shape();
+    let words = shape.into_iter().chain([C]).map(|n| n as u32);
+    let all = words.chain(samples.as_planar().iter().map(|v| v.to_bits()));
     let hash = all.fold(0xcbf2_9ce4_8422_2325_u64, |hash, word| {
         (hash ^ u64::from(word)).wrapping_mul(0x0000_0100_0000_01b3)
     });

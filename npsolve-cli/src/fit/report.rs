@@ -29,10 +29,12 @@ pub struct Report {
 
 /// What the lines say besides the numbers.
 pub struct Surroundings {
-    /// The picture.
+    /// The signal.
     pub signal: String,
     /// Its size.
-    pub size: [usize; 2],
+    pub size: String,
+    /// What its samples are called.
+    pub noun: &'static str,
     /// Its channels.
     pub channels: usize,
     /// Its number type, and what its numbers take in that type.
@@ -46,13 +48,15 @@ pub struct Surroundings {
 impl Report {
     /// The lines.
     pub fn to_text(&self, about: &Surroundings) -> String {
-        let ([w, h], (sample, of_samples)) = (about.size, about.samples);
+        let (sample, of_samples) = about.samples;
         let went_on = if self.finished { "" } else { ", unfinished: go on with --resume" };
         format!(
-            "Fitted {} ({w} x {h}, {}) with a {} field of {} numbers:\n{}.\n\
+            "Fitted {} ({} {}, {}) with a {} field of {} numbers:\n{}.\n\
              {} in {:.2} s: PSNR {:.2} dB{went_on}.\n\
-             Wrote {}: {}; the picture's {sample} samples are {}.\n",
+             Wrote {}: {}; the signal's {sample} samples are {}.\n",
             about.signal,
+            about.size,
+            about.noun,
             count(about.channels, "channel"),
             self.field,
             self.parameters,

@@ -13,6 +13,7 @@ use crate::files::in_our_words;
 use crate::kind::SignalKind;
 use crate::outcome::size;
 use crate::report::count;
+use crate::signals::volume::{has_place, read as read_volume};
 
 /// A signal that is not a picture, described.
 #[derive(Debug, Serialize)]
@@ -66,11 +67,13 @@ pub fn describe(path: &Path, kind: SignalKind) -> Result<SignalDescription> {
             (vec![audio.frames()], names, audio.as_planar().to_vec(), audio.sample.name())
         }
         SignalKind::Volume => {
-            let volume = signal_io::read_volume(path, &options).map_err(in_our_words)?;
+            let volume = read_volume(path)?;
             say("voxel_size_mm", json!(volume.voxel_size()));
-            say("affine", json!(volume.has_affine().then(|| volume.affine())));
+            say("affine", json!(has_place(&volume).then(|| volume.affine())));
+            say("unit_in_file", json!(Some(volume.length_unit.symbol()).filter(|u| !u.is_empty())));
+            say("description", json!(Some(&volume.description).filter(|d| !d.is_empty())));
             let names = names(volume.channels());
-            (volume.shape().to_vec(), names, volume.as_planar().to_vec(), volume.voxel.name())
+            (volume.shape().to_vec(), names, volume.as_planar().to_vec(), volume.voxel_type.name())
         }
     };
     let n: usize = shape.iter().product();

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::Result;
-use signal_io::{Image, ReadOptions, SampleType, Stft};
+use signal_io::{Audio, Image, SampleType, Stft};
 
-use crate::files::in_our_words;
+use crate::signals::audio;
 
 /// Samples of a window of the transform, and the widest picture: longer sounds skip windows.
 const WINDOW: usize = 1024;
@@ -13,9 +13,13 @@ const WIDEST: usize = 4096;
 /// From black to white.
 const DECIBELS: f32 = 100.0;
 
-/// The spectrogram of the mean of all channels, 0 to -100 dB of its largest magnitude.
+/// The spectrogram of a file.
 pub fn picture(path: &Path) -> Result<Image> {
-    let audio = signal_io::read_audio(path, &ReadOptions::default()).map_err(in_our_words)?;
+    of(&audio::read(path)?)
+}
+
+/// The spectrogram of the mean of all channels, 0 to -100 dB of its largest magnitude.
+pub fn of(audio: &Audio) -> Result<Image> {
     let mono = audio.to_channels(1)?;
     let stft = Stft::new(WINDOW)?;
     let (bins, frames) = (stft.bins(), stft.frames(mono.frames()));

@@ -4,11 +4,12 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use inr_core::{Domain, Samples, Spline};
-use signal_io::{Image, LightFieldReadOptions, ReadOptions};
+use signal_io::{Image, ReadOptions};
 
 use crate::args::RenderArgs;
 use crate::files::in_our_words;
 use crate::kind::SignalKind;
+use crate::signals::{light_field, video};
 
 /// Options of one kind that another does not have.
 pub fn check(kind: SignalKind, args: &RenderArgs) -> Result<()> {
@@ -41,7 +42,8 @@ pub fn picture(kind: SignalKind, args: &RenderArgs) -> Result<Image> {
 }
 
 fn frame(path: &Path, at: Option<f32>) -> Result<Image> {
-    let video = signal_io::read_video(path, &ReadOptions::default()).map_err(in_our_words)?;
+    let film = video::read(path, 1.0)?;
+    let video = &film.video;
     let [width, height, frames] = video.shape();
     let at = at.unwrap_or(((frames - 1) / 2) as f32);
     if !(0.0..=(frames - 1) as f32).contains(&at) {
@@ -51,11 +53,8 @@ fn frame(path: &Path, at: Option<f32>) -> Result<Image> {
 }
 
 fn view(path: &Path, args: &RenderArgs) -> Result<Image> {
-    let options = LightFieldReadOptions {
-        lenslet: args.lenslet.map(|size| size.0),
-        ..LightFieldReadOptions::default()
-    };
-    let field = signal_io::read_light_field(path, &options).map_err(in_our_words)?;
+    let views = light_field::read(path, args.lenslet, 1.0)?;
+    let field = &views.field;
     let [width, height, columns, rows] = field.shape();
     if let Some(slope) = args.refocus {
         return Ok(field.refocused(slope));

@@ -8,7 +8,7 @@ use poisson_loss::{Guidance, Options, Patch, Problem};
 use signal_io::Image;
 
 use crate::args::{Figure, ReproduceArgs, SceneArgs};
-use crate::compare::manifest;
+use crate::compare::manifest::entry::{self, Entry};
 use crate::demo;
 use crate::scene::{Scene, samples_of};
 
@@ -52,10 +52,11 @@ pub fn choose(args: &ReproduceArgs) -> Result<Vec<Setting>> {
 }
 
 fn from_manifest(path: &Path, names: &[String], count: usize) -> Result<Vec<Setting>> {
-    let (folder, values) = manifest::read(path)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
     let mut entries = Vec::new();
-    for (k, value) in values.into_iter().enumerate() {
-        let entry: manifest::Entry = serde_json::from_value(value)
+    let pictures = entry::read(path)?.into_iter().filter(|(dimensions, _)| *dimensions == 2);
+    for (k, (_, value)) in pictures.enumerate() {
+        let entry: Entry = serde_json::from_value(value)
             .with_context(|| format!("scene {} of {}", k + 1, path.display()))?;
         entries.push(entry);
     }

@@ -8,17 +8,19 @@ use anyhow::{Context as _, Result, bail};
 use inr_core::{Domain, RasterMask};
 use poisson_loss::Objective;
 use serde_json::{Map, json};
-use signal_io::{Audio, AudioReport, AudioSample, AudioWriteOptions, ReadOptions};
+use signal_io::{Audio, AudioReport, AudioSample, AudioWriteOptions, Image, ReadOptions};
 
-use super::{Job, Plain, scaled, settings, spectrogram};
+use super::field::{self, Notes};
+use super::{Job, Plain, Signal, scaled, settings, spectrogram};
 use crate::args::{AudioMode, BlendArgs, Depth, SceneArgs, ValueDomain};
-use crate::files;
 use crate::kind::SignalKind;
 use crate::outcome::{Outcome, Written};
+use crate::render::spectrum;
 use crate::report::{Extras, Seconds};
 use crate::solve::{Settings, Solution};
 use crate::value_domain::Mapping;
 use crate::values::{Coordinate, Counts};
+use crate::{field_file, files};
 
 /// Default lengths in seconds: the background gives way over 2 ms, and the patch's own level is back after
 /// 20 ms, so that an offset at the join neither clicks nor stays.
@@ -30,7 +32,7 @@ const REACH: f64 = 24.0;
 const AROUND: usize = 64;
 
 /// Two recordings with one rate and the same channels, and where one goes in the other.
-pub(super) struct Scene {
+pub struct Scene {
     /// The whole background.
     pub background: Audio,
     /// The part of the patch that goes in, with some frames around it: a spline has to know how it goes on.
@@ -61,7 +63,7 @@ pub fn blend(args: &BlendArgs, quiet: bool) -> Result<()> {
     let write_options = AudioWriteOptions { force: args.force, sample: sample(args.depth)? };
     let read = start.elapsed().as_secs_f64();
 
-    let settings = in_frames(args, scene.background.rate_hz());
+    let settings = in_frames(settings(args), args.scene.mode, scene.background.rate_hz());
     let with_metrics = args.json || args.metrics.is_some();
     let piece = match args.scene.mode {
         AudioMode::Waveform => scene.waveform(&settings, &args.scene, with_metrics, quiet)?,
@@ -108,18 +110,87 @@ pub fn blend(args: &BlendArgs, quiet: bool) -> Result<()> {
     outcome.tell(quiet)
 }
 
+impl Signal<1> for Audio {
+    fn plain(&self) -> Result<Plain<1>> {
+        Ok(Plain { domain: Domain::unit([self.frames()])?, values: self.as_planar().to_vec() })
+    }
+
+    fn with_values(&self, values: &[f32]) -> Result<Self> {
+        let mut out = self.clone();
+        out.as_planar_mut().copy_from_slice(values);
+        Ok(out)
+    }
+
+    fn save(&self, path: &Path, force: bool) -> Result<()> {
+        let options = AudioWriteOptions { force, sample: None };
+        signal_io::write_audio(path, self, &options).map_err(files::in_our_words)?;
+        Ok(())
+    }
+
+    fn ending(&self) -> &'static str {
+        ".wav"
+    }
+
+    fn picture(&self, _: [usize; 1]) -> Result<Image> {
+        spectrum::of(self)
+    }
+
+    fn notes(&self) -> Notes {
+        let rate = self.rate_hz().to_string();
+        let sample = self.sample.name().to_owned();
+        Notes::from([(RATE.to_owned(), rate), (SAMPLE.to_owned(), sample)])
+    }
+
+    fn from_values(
+        notes: &Notes,
+        domain: Domain<1>,
+        channels: usize,
+        values: Vec<f32>,
+    ) -> Result<Self> {
+        let rate: u32 = notes.get(RATE).and_then(|r| r.parse().ok()).unwrap_or(USUAL_RATE);
+        // A finer lattice has more samples a second.
+        let rate = (f64::from(rate) / f64::from(domain.pitch()[0])).round() as u32;
+        let mut audio = Self::new(rate, channels, values)?;
+        let types = [AudioSample::U8, AudioSample::I16, AudioSample::I24, AudioSample::I32];
+        let said = |t: &AudioSample| notes.get(SAMPLE).is_some_and(|n| n == t.name());
+        audio.sample = types.into_iter().find(said).unwrap_or(AudioSample::F32);
+        Ok(audio)
+    }
+
+    fn number_type(&self) -> (&'static str, usize) {
+        let bytes = match self.sample {
+            AudioSample::U8 => 1,
+            AudioSample::I16 => 2,
+            AudioSample::I24 => 3,
+            _ => 4,
+        };
+        (self.sample.name(), bytes)
+    }
+}
+
+/// Keys of notes, and the rate where they say none.
+const RATE: &str = "sampling_rate_hz";
+const SAMPLE: &str = "sample_type";
+const USUAL_RATE: u32 = 44_100;
+
+/// Reads sound.
+pub fn read(path: &Path) -> Result<Audio> {
+    if field_file::is_network(path) {
+        return field::read(path, |own| Ok(*own));
+    }
+    signal_io::read_audio(path, &ReadOptions::default()).map_err(files::in_our_words)
+}
+
 impl Scene {
-    fn read(background: &Path, patch: &Path, args: &SceneArgs) -> Result<Self> {
+    /// Reads the files.
+    pub fn read(background: &Path, patch: &Path, args: &SceneArgs) -> Result<Self> {
         if args.mask.is_some() || args.region.is_some() {
             bail!(
                 "sound has no --mask or --region; choose a part of the patch with --from and --to"
             );
         }
         let names = [background, patch].map(|p| p.display().to_string());
-        let read = |path: &Path| {
-            signal_io::read_audio(path, &ReadOptions::default()).map_err(files::in_our_words)
-        };
-        let (background, mut patch) = (read(background)?, read(patch)?);
+        let (background, mut patch) = (self::read(background)?, self::read(patch)?);
         let mut warnings = Vec::new();
         let (rate, own) = (background.rate_hz(), patch.rate_hz());
         // The part first: resampling minutes for a second of them would be wasted.
@@ -191,24 +262,37 @@ impl Scene {
         with_metrics: bool,
         quiet: bool,
     ) -> Result<Piece> {
+        let (start, part) = self.excerpt(settings, args)?;
+        let mut solution = part.job.solve(settings, with_metrics, quiet)?;
+        solution.report.box_start.iter_mut().for_each(|b| *b += start);
+        Ok(Piece { start, solution, pasted: part.job.paste(settings)? })
+    }
+
+    /// The part of the background that can feel the region, and its first frame in the whole.
+    pub fn excerpt(
+        &self,
+        settings: &Settings,
+        args: &SceneArgs,
+    ) -> Result<(usize, super::Scene<Audio, 1>)> {
         let reach = match settings.options.objective {
             Objective::Screened { length: Some(length), .. } => REACH * f64::from(length),
             _ => 0.0,
         };
         // The splines and the window of the click measure want some neighbours too.
         let (start, background) = self.window(reach + 4096.0)?;
+        let mask = RasterMask::new(Domain::unit([self.patch.frames()])?, self.weights())?;
+        let place = self.at - start as f64;
         let job = Job::new(
             &self.names,
-            plain(&background)?,
-            plain(&self.patch)?,
-            RasterMask::new(Domain::unit([self.patch.frames()])?, self.weights())?,
-            [(self.at - start as f64) as f32 - self.part.start as f32],
+            background.plain()?,
+            self.patch.plain()?,
+            mask,
+            [place as f32 - self.part.start as f32],
             args.domain.unwrap_or(ValueDomain::Stored),
             args,
         )?;
-        let mut solution = job.solve(settings, with_metrics, quiet)?;
-        solution.report.box_start.iter_mut().for_each(|b| *b += start);
-        Ok(Piece { start, solution, pasted: job.paste(settings)? })
+        let (names, warnings) = (self.names.clone(), self.warnings.clone());
+        Ok((start, super::Scene { names, background, job, place: [place], warnings }))
     }
 
     /// 1 for the frames that go in.
@@ -289,11 +373,6 @@ impl Piece {
     }
 }
 
-/// The planes over sample numbers.
-pub(super) fn plain(audio: &Audio) -> Result<Plain<1>> {
-    Ok(Plain { domain: Domain::unit([audio.frames()])?, values: audio.as_planar().to_vec() })
-}
-
 /// A time in frames.
 fn frames(time: &Coordinate, rate_hz: u32) -> Result<f64> {
     match time.counts {
@@ -306,13 +385,13 @@ fn frames(time: &Coordinate, rate_hz: u32) -> Result<f64> {
 }
 
 /// Lengths of the command line are in milliseconds.
-fn in_frames(args: &BlendArgs, rate_hz: u32) -> Settings {
-    let Settings { guidance, options } = settings(args);
+pub fn in_frames(settings: Settings, mode: AudioMode, rate_hz: u32) -> Settings {
+    let Settings { guidance, options } = settings;
     let rate = f64::from(rate_hz);
     let mut options = scaled(options, (rate * 1e-3) as f32);
     if let Objective::Screened { length, keep } = &mut options.objective {
         length.get_or_insert((LENGTH * rate).max(2.0) as f32);
-        if args.scene.mode == AudioMode::Waveform {
+        if mode == AudioMode::Waveform {
             keep.get_or_insert((KEEP * rate) as f32);
         }
     }

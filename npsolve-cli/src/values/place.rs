@@ -1,6 +1,7 @@
 //! Coordinates, places and shapes of any number of axes.
 
 use std::fmt;
+use std::path::PathBuf;
 use std::str::FromStr;
 
 /// What a coordinate counts.
@@ -60,6 +61,13 @@ impl fmt::Display for Coordinate {
     }
 }
 
+impl Coordinate {
+    /// A number of samples.
+    pub fn samples(value: f64) -> Self {
+        Self { value, counts: Counts::Samples }
+    }
+}
+
 /// One coordinate per axis, x first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Place(pub Vec<Coordinate>);
@@ -94,11 +102,54 @@ pub enum Shape {
     Box(Place, Place),
     /// `ellipsoid:CENTRE:RADII`
     Ellipsoid(Place, Place),
+    /// `FILE.glb`, `FILE.gltf:m`
+    Mesh(MeshFile),
+}
+
+/// A closed mesh in a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshFile {
+    /// A glTF file.
+    pub path: PathBuf,
+    /// What its numbers are.
+    pub counts: MeshCounts,
+}
+
+/// What the coordinates of a mesh count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MeshCounts {
+    /// Millimetres of the patch's world.
+    Millimetres,
+    /// Metres of the patch's world.
+    Metres,
+    /// Samples of the patch.
+    Samples,
+}
+
+impl fmt::Display for MeshFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.path.display().fmt(f)
+    }
+}
+
+/// The file of a mesh with its unit, if the name is one of a glTF file.
+fn mesh_file(text: &str) -> Option<MeshFile> {
+    let units = [
+        (":mm", MeshCounts::Millimetres),
+        (":m", MeshCounts::Metres),
+        (":smp", MeshCounts::Samples),
+    ];
+    let given = units.into_iter().find_map(|(end, counts)| Some((text.strip_suffix(end)?, counts)));
+    let (name, counts) = given.unwrap_or((text, MeshCounts::Millimetres));
+    let path = PathBuf::from(name);
+    let extension = path.extension()?.to_str()?.to_lowercase();
+    ["glb", "gltf"].contains(&extension.as_str()).then_some(MeshFile { path, counts })
 }
 
 /// Parses `--region`.
 pub fn shape(text: &str) -> Result<Shape, String> {
-    const RULE: &str = "write box:X0,Y0,Z0:X1,Y1,Z1 or ellipsoid:CX,CY,CZ:RX,RY,RZ";
+    const RULE: &str =
+        "write box:X0,Y0,Z0:X1,Y1,Z1, ellipsoid:CX,CY,CZ:RX,RY,RZ or the name of a .glb file";
     let two = |rest: &str| {
         let (a, b) = rest.split_once(':').ok_or(RULE)?;
         let (a, b) = (place(a)?, place(b)?);
@@ -118,7 +169,7 @@ pub fn shape(text: &str) -> Result<Shape, String> {
             false => Err("radii are above 0".to_owned()),
         };
     }
-    Err(RULE.to_owned())
+    mesh_file(text).map(Shape::Mesh).ok_or_else(|| RULE.to_owned())
 }
 
 #[cfg(test)]
@@ -145,6 +196,15 @@ mod tests {
         let box_of = shape("box:1,2,3:4,5,6").unwrap();
         assert_eq!(box_of, Shape::Box(place("1,2,3").unwrap(), place("4,5,6").unwrap()));
         assert!(matches!(shape("ellipsoid:1mm,2:3,4"), Ok(Shape::Ellipsoid(..))));
+        for (text, counts) in [
+            ("a:b/head.glb", MeshCounts::Millimetres),
+            ("a:b/head.glb:m", MeshCounts::Metres),
+            ("a:b/head.glb:mm", MeshCounts::Millimetres),
+            ("a:b/head.glb:smp", MeshCounts::Samples),
+        ] {
+            let path = PathBuf::from("a:b/head.glb");
+            assert_eq!(shape(text), Ok(Shape::Mesh(MeshFile { path, counts })), "{text}");
+        }
         for text in ["box:1,2:3", "box:1,2", "ellipsoid:0,0:1,-1", "sphere:1:2", "mesh.obj", "box"]
         {
             assert!(shape(text).is_err(), "{text}");

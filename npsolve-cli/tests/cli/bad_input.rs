@@ -75,7 +75,7 @@ fn patch_outside_or_nowhere() {
 fn patch_partly_outside_works_with_a_warning() {
     let folder = Folder::with_scene();
     let run = folder.run("blend background.png patch.png --at -10,30 -o out.png").ok();
-    assert!(run.stderr().contains("warning: the patch reaches beyond"), "{}", run.stderr());
+    assert!(run.stderr().contains("warning: the region reaches beyond"), "{}", run.stderr());
 }
 
 #[test]

@@ -78,13 +78,18 @@ fn fields_that_are_no_pictures() {
     for (name, bytes, words) in [
         ("audio.safetensors", field::<1, 1>(), ["1 coordinates", "6 samples"]),
         ("scan.safetensors", field::<3, 1>(), ["3 coordinates", "6 x 6 x 6"]),
+        ("plenoptic.safetensors", field::<5, 1>(), ["5 coordinates", "6 x 6 x 6 x 6 x 6"]),
         ("many.safetensors", field::<2, 7>(), ["7 channels", "1 to 4"]),
     ] {
         fs::write(folder.path(name), bytes).unwrap();
-        refused(&folder, &format!("render {name} -o out.png"), 1, &[name, words[0], words[1]]);
+        let command = format!("render {name} -o out.png --kind image");
+        refused(&folder, &command, 1, &[name, words[0], words[1]]);
         folder.run(&format!("inspect {name}")).ok();
         folder.run(&format!("inspect --json {name}")).ok();
     }
+    // Where nobody says that they are pictures, they are what they are.
+    folder.run("render scan.safetensors -o slices.png").ok();
+    refused(&folder, "render plenoptic.safetensors -o out.png", 1, &["5 coordinates"]);
 }
 
 #[test]

@@ -88,8 +88,8 @@ fn resuming_wants_the_same_picture_and_options() {
         folder.run(&run).fails(code, words);
         assert_eq!(fs::read(folder.path("f.safetensors")).unwrap(), before);
     };
-    refused("q.png", 1, &["f.safetensors", "other pixels", "q.png"]);
-    refused("gray.png", 1, &["f.safetensors", "other pixels", "gray.png"]);
+    refused("q.png", 1, &["f.safetensors", "other values", "q.png"]);
+    refused("gray.png", 1, &["f.safetensors", "other values", "gray.png"]);
     refused("p.png --width 32", 1, &["--width 16", "--width 32"]);
     refused("p.png --budget 3s", 1, &["no --budget"]);
     refused("p.png --field siren", 1, &["--field grid", "--field siren"]);

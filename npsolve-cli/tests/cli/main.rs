@@ -3,12 +3,16 @@
 mod bad_input;
 mod blend;
 mod compare;
+mod compare_signals;
 mod demo;
 mod field_errors;
 mod fit;
+mod fit_signals;
 mod inspect;
+mod layers;
 mod neural;
 mod render;
 mod reproduce;
 mod signals;
 mod support;
+mod volumes;

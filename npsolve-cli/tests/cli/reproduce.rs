@@ -91,7 +91,7 @@ fn unknown_scenes_and_empty_lists_are_named() {
     let run = folder.run("reproduce mask --manifest list.json --scenes sea -o out");
     run.fails(1, &["sea", "waves"]);
     fs::write(folder.path("none.json"), r#"{ "blend_2d": [] }"#).unwrap();
-    folder.run("reproduce mask --manifest none.json -o out").fails(1, &["empty"]);
+    folder.run("reproduce mask --manifest none.json -o out").fails(1, &["no scenes"]);
     folder.run("reproduce figure9").fails(2, &["figure9", "table1"]);
     let quiet = folder.run("reproduce guidance --manifest list.json --quick --quiet -o out").ok();
     assert_eq!((quiet.stdout(), quiet.stderr()), (String::new(), String::new()));

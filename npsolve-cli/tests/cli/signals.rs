@@ -6,8 +6,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use serde_json::Value;
 use signal_io::{
     Audio, AudioSample, AudioWriteOptions, Image, LightField, LightFieldReadOptions, ReadOptions,
-    SampleType, Transfer, Volume, VolumeWriteOptions, VoxelType, read_audio, read_image,
-    read_light_field, read_video, read_volume, write_audio, write_light_field, write_volume,
+    SampleType, Transfer, Volume, VolumeReadOptions, VolumeWriteOptions, VoxelType, read_audio,
+    read_image, read_light_field, read_video, read_volume, write_audio, write_light_field,
+    write_volume,
 };
 
 use crate::support::{Folder, smooth};
@@ -96,8 +97,8 @@ fn volume(folder: &Folder, name: &str, shape: [usize; 3], shift: f64, constant: 
     };
     let mut volume = Volume::new(shape, 1, (0..n).map(value).collect()).unwrap();
     let map = [[2.0, 0.0, 0.0, -20.0 + shift], [0.0, 2.0, 0.0, 5.0], [0.0, 0.0, 3.0, 0.0]];
-    volume.set_affine(map).unwrap();
-    volume.voxel = VoxelType::U8;
+    volume = volume.with_affine(map).unwrap();
+    volume.voxel_type = VoxelType::U8;
     write_volume(folder.path(name), &volume, &VolumeWriteOptions::default()).unwrap();
     volume
 }
@@ -108,12 +109,12 @@ fn volumes_meet_in_millimetres() {
     let background = volume(&folder, "b.nii.gz", [24, 20, 12], 0.0, 0.0);
     // Six voxels further along x, brighter: the same structure at the same place in the world.
     volume(&folder, "p.nii", [14, 20, 12], 12.0, 40.0);
-    let read = |name: &str| read_volume(folder.path(name), &ReadOptions::default()).unwrap();
+    let read = |name: &str| read_volume(folder.path(name), &VolumeReadOptions::default()).unwrap();
     for region in ["box:3,4,2:10,14,9", "ellipsoid:4mm,23mm,18mm:10mm,12mm,12mm"] {
         let report =
             json(&folder, &format!("blend b.nii.gz p.nii --region {region} -o o.nii.gz --force"));
         let blend = read("o.nii.gz");
-        assert_eq!((blend.affine(), blend.voxel), (background.affine(), VoxelType::U8));
+        assert_eq!((blend.affine(), blend.voxel_type), (background.affine(), VoxelType::U8));
         assert_eq!(blend.as_planar(), background.as_planar(), "{region}");
         assert_eq!((&report["kind"], &report["domain"]), (&"volume".into(), &"normalize".into()));
         assert_eq!(report["offset"], serde_json::json!([6.0, 0.0, 0.0]));
@@ -143,12 +144,12 @@ fn other_axes_are_resampled() {
     }
     let mut patch = Volume::new([y, x, z], 1, turned).unwrap();
     let map = [[0.0, 2.0, 0.0, -20.0], [2.0, 0.0, 0.0, 5.0], [0.0, 0.0, 3.0, 0.0]];
-    patch.set_affine(map).unwrap();
-    patch.voxel = VoxelType::F32;
+    patch = patch.with_affine(map).unwrap();
+    patch.voxel_type = VoxelType::F32;
     write_volume(folder.path("p.nii"), &patch, &VolumeWriteOptions::default()).unwrap();
     let run = folder.run("blend b.nii p.nii --region box:5,6,3:15,18,9 -o o.nii").ok();
     assert!(run.stderr().contains("resampled"), "{}", run.stderr());
-    let blend = read_volume(folder.path("o.nii"), &ReadOptions::default()).unwrap();
+    let blend = read_volume(folder.path("o.nii"), &VolumeReadOptions::default()).unwrap();
     assert_eq!(blend.as_planar(), background.as_planar());
 }
 

@@ -1,169 +1,156 @@
-//! FLAC, Ogg Vorbis and MP3, decoded by the symphonia crates.
+//! FLAC, Ogg Vorbis and MP3, by the decoders of symphonia.
+//!
+//! They skip what is damaged, as players must; here a file is whole or it is an error. FLAC says how
+//! many frames it has and their checksum; the pages of Ogg have numbers, checksums and a last one;
+//! the first frame of most MP3 files counts the others.
 
 use std::io::Cursor;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::AssertUnwindSafe;
 
-use symphonia::core::codecs::audio::{AudioCodecParameters, AudioDecoder, AudioDecoderOptions};
-use symphonia::core::errors::Error as Refusal;
-use symphonia::core::formats::{FormatReader, TrackType};
-use symphonia::core::io::{MediaSource, MediaSourceStream, ReadOnlySource};
-use symphonia::default::codecs::{FlacDecoder, MpaDecoder, VorbisDecoder};
+use symphonia::core::codecs::audio::{AudioDecoder, AudioDecoderOptions};
+use symphonia::core::errors::Error as DecoderError;
+use symphonia::core::formats::{FormatOptions, FormatReader, TrackType};
+use symphonia::core::io::{MediaSourceStream, ReadOnlySource};
 use symphonia::default::formats::{FlacReader, MpaReader, OggReader};
+use symphonia::default::get_codecs;
 
-use super::{AudioFormat, AudioSample};
-use crate::Audio;
-use crate::budget::Budget;
+use super::ogg;
+use crate::budget::{Budget, with_capacity};
 use crate::error::Fault;
+use crate::{Audio, AudioFormat, AudioSample};
 
-/// Decodes the file. Delay and padding of the encoder are cut off where the file states them.
 pub(super) fn decode(format: AudioFormat, bytes: &[u8], budget: &Budget) -> Result<Audio, Fault> {
-    // Last resort: the decoders return errors for damage, but are much code that is not this
-    // crate's, and a damaged file must not end the program.
-    catch_unwind(AssertUnwindSafe(|| decode_stream(format, bytes, budget)))
-        .unwrap_or_else(|_| Err(Fault::corrupt("its decoder stopped at damaged data")))
+    // Altered code books can make version 0.6.1 of symphonia panic (`lookup1_values`: an overflow in
+    // builds that check for it, an assertion in others).
+    let decoding = || decode_unguarded(format, bytes, budget);
+    std::panic::catch_unwind(AssertUnwindSafe(decoding))
+        .unwrap_or_else(|_| Err(Fault::corrupt("the decoder gave up on its data")))
 }
 
-fn decode_stream(format: AudioFormat, bytes: &[u8], budget: &Budget) -> Result<Audio, Fault> {
-    let cursor = Cursor::new(bytes);
-    let source: Box<dyn MediaSource + '_> = match format {
-        // Where it can go back and forth, the reader guesses the length of a file without a header
-        // from its first bit rate, and leaves out what comes later.
-        AudioFormat::Mp3 => Box::new(ReadOnlySource::new(cursor)),
-        _ => Box::new(cursor),
-    };
-    let source = MediaSourceStream::new(source, Default::default());
+fn decode_unguarded(format: AudioFormat, bytes: &[u8], budget: &Budget) -> Result<Audio, Fault> {
+    // Bytes that cannot be rewound keep symphonia from guessing the length of an MP3 file from its
+    // first frame, and from cutting the sound there.
+    let (forward, all) = (Box::new(ReadOnlySource::new(bytes)), Box::new(Cursor::new(bytes)));
+    let options = FormatOptions::default();
     let mut reader: Box<dyn FormatReader + '_> = match format {
+        AudioFormat::Flac if !bytes.starts_with(b"fLaC") => {
+            return Err(Fault::corrupt("fLaC is missing at its start"));
+        }
         AudioFormat::Flac => {
-            Box::new(FlacReader::try_new(source, Default::default()).map_err(fault)?)
+            let source = MediaSourceStream::new(all, Default::default());
+            Box::new(FlacReader::try_new(source, options).map_err(fault)?)
         }
         AudioFormat::Ogg => {
-            Box::new(OggReader::try_new(source, Default::default()).map_err(fault)?)
+            ogg::check_pages(bytes)?;
+            let source = MediaSourceStream::new(all, Default::default());
+            Box::new(OggReader::try_new(source, options).map_err(fault)?)
         }
         AudioFormat::Mp3 => {
-            Box::new(MpaReader::try_new(source, Default::default()).map_err(fault)?)
+            let source = MediaSourceStream::new(forward, Default::default());
+            Box::new(MpaReader::try_new(source, options).map_err(fault)?)
         }
-        AudioFormat::Wav => return Err(Fault::Feature("another kind of sound inside".to_owned())),
+        AudioFormat::Wav => unreachable!("WAV has a decoder of its own"),
     };
-    let track = reader
-        .default_track(TrackType::Audio)
-        .ok_or_else(|| Fault::Feature("no sound of a known kind".to_owned()))?;
-    let (id, promised) = (track.id, track.num_frames);
-    let parameters = track
-        .codec_params
-        .as_ref()
-        .and_then(|p| p.audio())
-        .ok_or_else(|| Fault::corrupt("it does not describe its sound"))?;
-    let sample = match format {
-        AudioFormat::Flac => AudioSample::integer(parameters.bits_per_sample.unwrap_or(16)),
-        _ => AudioSample::F32,
-    };
-    let mut decoder = decoder(format, parameters).map_err(fault)?;
+    let track = reader.default_track(TrackType::Audio);
+    let track = track.ok_or_else(|| Fault::Feature("no sound that is known".to_owned()))?.clone();
+    let parameters = track.codec_params.as_ref().and_then(|p| p.audio());
+    let parameters = parameters.ok_or_else(|| Fault::corrupt("it does not describe its sound"))?;
+    // Gapless: what encoder and decoder add before and after the sound is cut off.
+    let how = AudioDecoderOptions::default().verify(true).gapless(true);
+    let mut decoder = get_codecs().make_audio_decoder(parameters, &how).map_err(fault)?;
 
+    // The pages of Ogg have been checked; its times may begin anywhere.
+    let promised = track.num_frames.filter(|_| format != AudioFormat::Ogg);
+    if let (Some(frames @ 1..), Some(channels)) = (promised, parameters.channels.as_ref()) {
+        budget.samples(frames, 1, channels.count() as u64)?;
+    }
     let mut sound = Sound::default();
-    while let Some(packet) = reader.next_packet().map_err(fault)? {
-        if packet.track_id != id {
-            continue;
-        }
-        let decoded = match decoder.decode(&packet) {
-            Ok(decoded) => decoded,
-            // The first frames of a file cut out of another refer to data that is not there.
-            Err(Refusal::DecodeError(_)) if format == AudioFormat::Mp3 && sound.frames == 0 => {
-                continue;
-            }
-            Err(e) => return Err(fault(e)),
-        };
-        let spec = decoded.spec();
-        let (rate_hz, channels) = (spec.rate(), spec.channels().count());
-        if decoded.frames() == 0 {
-            continue;
-        }
-        sound.check(rate_hz, channels)?;
-        budget.samples((sound.frames + decoded.frames()) as u64, 1, channels as u64)?;
-        decoded.copy_to_vecs_planar::<f32>(&mut sound.part);
-        sound.append()?;
-    }
+    sound.read(reader.as_mut(), decoder.as_mut(), track.id, budget)?;
     if decoder.finalize().verify_ok == Some(false) {
-        return Err(Fault::corrupt("its sound does not match its checksum"));
+        return Err(Fault::corrupt("its samples do not match their checksum"));
     }
-    // FLAC states how long it is; the length of the others is that of what they hold.
-    if format == AudioFormat::Flac && promised.is_some_and(|n| n > sound.frames as u64) {
+    if promised.is_some_and(|promised| (sound.frames() as u64) < promised) {
         return Err(Fault::cut_short());
     }
-    if sound.frames == 0 {
-        return Err(Fault::Empty);
-    }
-    let channels = sound.planes.len();
-    let mut planes = sound.planes.into_iter();
-    let mut data = planes.next().unwrap_or_default();
-    data.try_reserve_exact(data.len() * (channels - 1)).map_err(|_| out_of_memory(data.len()))?;
-    planes.for_each(|plane| data.extend(plane));
-    let mut audio = Audio::new(sound.rate_hz, channels, data)?;
-    audio.sample = sample;
-    Ok(audio)
+    let sample = match (format, parameters.bits_per_sample) {
+        (AudioFormat::Flac, Some(bits)) => AudioSample::integer(bits),
+        _ => AudioSample::F32,
+    };
+    sound.into_audio(sample)
 }
 
-fn decoder(
-    format: AudioFormat,
-    parameters: &AudioCodecParameters,
-) -> Result<Box<dyn AudioDecoder>, Refusal> {
-    let options = AudioDecoderOptions::default().gapless(true).verify(true);
-    Ok(match format {
-        AudioFormat::Flac => Box::new(FlacDecoder::try_new(parameters, &options)?),
-        AudioFormat::Ogg => Box::new(VorbisDecoder::try_new(parameters, &options)?),
-        AudioFormat::Mp3 => Box::new(MpaDecoder::try_new(parameters, &options)?),
-        AudioFormat::Wav => return Err(Refusal::Unsupported("WAV")),
-    })
-}
-
-/// What is decoded so far.
+/// What has been decoded so far.
 #[derive(Default)]
 struct Sound {
     rate_hz: u32,
-    frames: usize,
     planes: Vec<Vec<f32>>,
-    /// The last packet.
-    part: Vec<Vec<f32>>,
 }
 
 impl Sound {
-    /// Takes rate and number of channels from the first packet and compares those of the others.
-    fn check(&mut self, rate_hz: u32, channels: usize) -> Result<(), Fault> {
-        if !(1..=Audio::MAX_CHANNELS).contains(&channels) {
-            return Err(Fault::Feature(format!("{channels} channels (1 to 8 are read)")));
-        }
-        if !(1..=Audio::MAX_RATE_HZ).contains(&rate_hz) {
-            return Err(Fault::corrupt(format!("a sampling rate of {rate_hz} Hz")));
-        }
-        if self.planes.is_empty() {
-            self.rate_hz = rate_hz;
-            self.planes.resize(channels, Vec::new());
-        }
-        match (self.rate_hz, self.planes.len()) == (rate_hz, channels) {
-            true => Ok(()),
-            false => Err(Fault::Feature("rates or channels that change".to_owned())),
-        }
+    fn frames(&self) -> usize {
+        self.planes.first().map_or(0, Vec::len)
     }
 
-    fn append(&mut self) -> Result<(), Fault> {
-        for (plane, part) in self.planes.iter_mut().zip(&self.part) {
-            plane.try_reserve(part.len()).map_err(|_| out_of_memory(plane.len()))?;
-            plane.extend(part);
+    /// Decodes all packets of the track.
+    fn read(
+        &mut self,
+        reader: &mut dyn FormatReader,
+        decoder: &mut dyn AudioDecoder,
+        track: u32,
+        budget: &Budget,
+    ) -> Result<(), Fault> {
+        let mut piece: Vec<Vec<f32>> = Vec::new();
+        while let Some(packet) = reader.next_packet().map_err(fault)? {
+            if packet.track_id != track {
+                continue;
+            }
+            let buffer = decoder.decode(&packet).map_err(fault)?;
+            let (rate_hz, channels) = (buffer.spec().rate(), buffer.spec().channels().count());
+            if self.planes.is_empty() {
+                if channels == 0 || channels > Audio::MAX_CHANNELS {
+                    return Err(Fault::Feature(format!("{channels} channels (1 to 8 are read)")));
+                }
+                (self.rate_hz, self.planes) = (rate_hz, vec![Vec::new(); channels]);
+            }
+            if (self.rate_hz, self.planes.len()) != (rate_hz, channels) {
+                return Err(Fault::Feature("channels or rates that change".to_owned()));
+            }
+            let frames = self.frames() + buffer.frames();
+            if frames > 0 {
+                budget.samples(frames as u64, 1, channels as u64)?;
+            }
+            buffer.copy_to_vecs_planar(&mut piece);
+            for (plane, piece) in self.planes.iter_mut().zip(&piece) {
+                let needed = 4 * frames as u64 * channels as u64;
+                plane.try_reserve(piece.len()).map_err(|_| Fault::OutOfMemory { needed })?;
+                plane.extend_from_slice(piece);
+            }
         }
-        self.frames = self.planes.first().map_or(0, Vec::len);
         Ok(())
     }
+
+    fn into_audio(self, sample: AudioSample) -> Result<Audio, Fault> {
+        if self.frames() == 0 {
+            return Err(Fault::Empty);
+        }
+        let channels = self.planes.len();
+        let mut data = with_capacity(self.frames() * channels)?;
+        for plane in self.planes {
+            data.extend(plane); // One by one, so that each is freed as soon as it is copied.
+        }
+        let audio = Audio::new(self.rate_hz, channels, data);
+        let mut audio = audio.map_err(|e| Fault::corrupt(e.to_string()))?;
+        audio.sample = sample;
+        Ok(audio)
+    }
 }
 
-fn out_of_memory(values: usize) -> Fault {
-    Fault::OutOfMemory { needed: (values as u64).saturating_mul(2 * size_of::<f32>() as u64) }
-}
-
-fn fault(refusal: Refusal) -> Fault {
-    match refusal {
-        // The bytes are in memory: the only failure of reading is their end.
-        Refusal::IoError(_) => Fault::cut_short(),
-        Refusal::Unsupported(what) => Fault::Feature(what.to_owned()),
-        Refusal::ResetRequired => Fault::Feature("several pieces one after the other".to_owned()),
+fn fault(error: DecoderError) -> Fault {
+    match error {
+        // The bytes are in memory: what can fail is that there are not enough.
+        DecoderError::IoError(_) => Fault::cut_short(),
+        DecoderError::Unsupported(what) => Fault::Feature(what.to_owned()),
+        DecoderError::ResetRequired => Fault::Feature("several streams in a row".to_owned()),
         other => Fault::corrupt(other.to_string()),
     }
 }

@@ -9,7 +9,7 @@ pub enum AudioSample {
     I24,
     /// 32-bit integer; reading rounds to the 24 significant bits of a float.
     I32,
-    /// Single-precision float; also what lossy formats decode to.
+    /// Single-precision float; also what double precision and lossy formats decode to.
     F32,
 }
 

@@ -37,6 +37,9 @@ pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Audio, Fault> {
     let (description, data) = find_chunks(bytes)?;
     let Description { channels, rate_hz, sample, frame, ref chunk } = description;
     let count = budget.samples((data.len() / frame) as u64, 1, channels as u64)?;
+    if sample == AudioSample::F32 && frame / channels == 8 {
+        return doubles(&description, data, count);
+    }
     let length = u32::try_from(data.len())
         .map_err(|_| Fault::Feature("more than 4 GiB of samples".to_owned()))?;
 
@@ -58,6 +61,16 @@ pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Audio, Fault> {
     let mut audio = Audio::new(rate_hz, channels, out)?;
     audio.sample = sample;
     Ok(audio)
+}
+
+/// Floats of 64 bits, which hound does not read: rounded to 32.
+fn doubles(description: &Description, data: &[u8], count: usize) -> Result<Audio, Fault> {
+    let channels = description.channels;
+    let mut out = zeros(count)?;
+    let value = |bytes: &[u8]| f64::from_le_bytes(std::array::from_fn(|k| bytes[k])) as f32;
+    let mut planes = Planes { frames: count / channels, out: &mut out };
+    planes.fill(channels, data.chunks_exact(8).map(Ok), value)?;
+    Ok(Audio::new(description.rate_hz, channels, out)?)
 }
 
 /// Where interleaved samples go.
@@ -165,7 +178,7 @@ fn describe(fmt: &[u8]) -> Result<Description, Fault> {
         (PCM, 1, 8) | (PCM, 2, 16) | (PCM, 3 | 4, 24) | (PCM, 4, 32) => {
             AudioSample::integer(u32::from(bits))
         }
-        (FLOAT, 4, 32) => AudioSample::F32,
+        (FLOAT, 4, 32) | (FLOAT, 8, 64) => AudioSample::F32,
         (PCM, size, bits) => {
             return Err(Fault::Feature(format!("integers of {bits} bits in {size} bytes")));
         }

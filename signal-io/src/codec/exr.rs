@@ -1,4 +1,4 @@
-//! OpenEXR: any set of channels of the first layer, half, float or unsigned integer.
+//! OpenEXR: any set of channels of any layers, half, float or unsigned integer.
 
 mod dwa;
 
@@ -33,26 +33,37 @@ fn decode_unguarded(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
     for header in &meta.headers {
         check_header(header, bytes.len(), budget)?;
     }
+    check_sum(&meta.headers, budget)?;
     dwa::check_chunks(bytes, &meta).map_err(fault)?;
-    let layer = read()
+    let layers = read()
         .no_deep_data()
         .largest_resolution_level()
         .all_channels()
-        .first_valid_layer()
+        .all_layers()
         .all_attributes()
         .non_parallel()
         .from_buffered(Cursor::new(bytes))
         .map_err(fault)?
         .layer_data;
-
-    let (width, height) = (layer.size.width(), layer.size.height());
-    let mut channels: Vec<_> = layer.channel_data.list.into_iter().collect();
-    channels.sort_by_cached_key(|c| sort_key(&c.name.to_string()));
+    let size = layers.first().ok_or(Fault::Empty)?.size;
+    let several = layers.len() > 1;
+    let mut channels = Vec::new();
+    for layer in layers.into_iter().filter(|layer| layer.size == size) {
+        let name = layer.attributes.layer_name.filter(|_| several).map(|name| name.to_string());
+        for channel in layer.channel_data.list {
+            channels.push((full_name(name.as_deref(), &channel.name.to_string()), channel));
+        }
+    }
+    channels.sort_by_cached_key(|(name, _)| sort_key(name));
+    if let Some(twice) = channels.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        return Err(Fault::corrupt(format!("it has two channels {:?}", twice[0].0)));
+    }
+    let (width, height) = (size.width(), size.height());
     let count = budget.samples(width as u64, height as u64, channels.len() as u64)?;
-    let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
-    let half = channels.iter().all(|c| matches!(c.sample_data, FlatSamples::F16(_)));
+    let names: Vec<String> = channels.iter().map(|(name, _)| name.clone()).collect();
+    let half = channels.iter().all(|(_, c)| matches!(c.sample_data, FlatSamples::F16(_)));
     let mut data = with_capacity(count)?;
-    for channel in channels {
+    for (_, channel) in channels {
         match channel.sample_data {
             FlatSamples::F16(v) => data.extend(v.iter().map(|v| v.to_f32())),
             FlatSamples::F32(v) => data.extend(v),
@@ -63,6 +74,27 @@ fn decode_unguarded(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
     image.sample = if half { SampleType::F16 } else { SampleType::F32 };
     image.transfer = Transfer::Linear;
     Ok(image)
+}
+
+/// The name of a channel in a file of several layers: that of its layer before it, unless it is there
+/// already, as some writers put it.
+fn full_name(layer: Option<&str>, channel: &str) -> String {
+    match layer.filter(|layer| !layer.is_empty()) {
+        Some(layer) if channel.strip_prefix(layer).is_none_or(|rest| !rest.starts_with('.')) => {
+            format!("{layer}.{channel}")
+        }
+        _ => channel.to_owned(),
+    }
+}
+
+/// Refuses layers that fit one by one but not together; those of another size are decoded, too.
+fn check_sum(headers: &[Header], budget: &Budget) -> Result<(), Fault> {
+    let samples = |h: &Header| h.layer_size.area() as u64 * h.channels.list.len() as u64;
+    let needed = headers.iter().map(samples).fold(0, u64::saturating_add).saturating_mul(4);
+    match needed > budget.limit() {
+        true => Err(Fault::TooLarge { needed, limit: budget.limit() }),
+        false => Ok(()),
+    }
 }
 
 /// Refuses, before anything is decoded, what cannot or may not be.
@@ -119,7 +151,8 @@ fn fault(error: ::exr::error::Error) -> Fault {
     }
 }
 
-/// Writes one layer in scan lines with ZIP compression, which loses nothing.
+/// Writes one layer in scan lines with ZIP compression, which loses nothing. Layers are in the names of
+/// its channels, which every reader understands.
 pub(super) fn encode(
     image: &Image,
     plan: &Plan,
@@ -160,6 +193,16 @@ pub(super) fn encode(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn layers_are_named_once() {
+        assert_eq!(full_name(Some("diffuse"), "R"), "diffuse.R");
+        assert_eq!(full_name(Some("diffuse"), "diffuse.R"), "diffuse.R");
+        assert_eq!(full_name(Some("diffuse"), "diffuse2.R"), "diffuse.diffuse2.R");
+        assert_eq!(full_name(Some("left.diffuse"), "R"), "left.diffuse.R");
+        assert_eq!(full_name(Some(""), "R"), "R");
+        assert_eq!(full_name(None, "Z"), "Z");
+    }
 
     #[test]
     fn channels_come_in_the_usual_order() {

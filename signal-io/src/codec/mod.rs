@@ -9,7 +9,7 @@ mod pfm;
 mod pnm;
 pub(crate) mod quantize;
 mod raster;
-mod tiff;
+pub(crate) mod tiff;
 
 use std::io::{Seek, Write};
 

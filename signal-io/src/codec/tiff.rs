@@ -18,7 +18,7 @@ use crate::plan::Plan;
 use crate::{Image, SampleType, Transfer};
 
 /// Files above this size need 64-bit offsets; 32 MiB are left for header, profile and strip table.
-const SMALL_TIFF_BYTES: u64 = (4 << 30) - (32 << 20);
+pub(crate) const SMALL_TIFF_BYTES: u64 = (4 << 30) - (32 << 20);
 
 pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
     let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(fault)?;
@@ -121,7 +121,7 @@ fn unpack_bits(packed: &[u8], w: usize, h: usize, bits: u8) -> Result<Vec<f32>, 
     Ok(out)
 }
 
-fn fault(error: TiffError) -> Fault {
+pub(crate) fn fault(error: TiffError) -> Fault {
     match error {
         TiffError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
             Fault::cut_short()

@@ -14,7 +14,8 @@ impl LightField {
     /// splines, beyond their border their own mirror images. Alpha is treated like a colour; values
     /// that are not finite spread. Cost: 16 products for every value of the light field.
     ///
-    /// Source: Ng et al. 2005, eq. 4.4 ("shift and add"), with equal weights.
+    /// Source: Ng et al. 2005, "Light field photography with a hand-held plenoptic camera" (shift and
+    /// add), with equal weights.
     ///
     /// # Panics
     /// If `slope` is not finite.

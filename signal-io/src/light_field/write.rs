@@ -4,6 +4,7 @@ use super::{LightField, lenslet};
 use crate::codec::npy;
 use crate::plan::Plan;
 use crate::strip::folder::Series;
+use crate::strip::pattern::is_pattern;
 use crate::{
     Error, Format, Result, SampleType, Transfer, WriteOptions, WriteReport, atomic, check_target,
     write_image,
@@ -85,7 +86,7 @@ fn target(path: &Path, lenslet: bool) -> Result<Target> {
         return Ok(Target::Views(series));
     }
     match Format::from_extension(path) {
-        Some(Format::Npy) => Ok(Target::Array),
+        Some(Format::Npy) if !is_pattern(path) => Ok(Target::Array),
         _ => Err(Error::UnsupportedFormat {
             path: path.to_path_buf(),
             extension: crate::format::extension(path),

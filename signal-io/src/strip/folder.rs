@@ -7,7 +7,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::{listing, pattern::Pattern};
 use crate::format::extension;
 use crate::plan::Plan;
-use crate::{Error, Format, Image, Result, WriteOptions, WriteReport, check_target, write_image};
+use crate::{
+    Error, Format, Image, Result, WriteOptions, WriteReport, atomic, check_target, write_image,
+};
 
 /// Where the pictures go and how they are called.
 #[derive(Debug, Clone)]
@@ -113,6 +115,10 @@ impl Series {
             // Inside, where there is the right to write and renaming does not copy.
             let temporary = TemporaryFolder::new(&self.folder, &self.folder)?;
             let report = write_all(&temporary.path)?;
+            // Found before the first one is renamed: folders and devices under these names.
+            for name in &names {
+                atomic::check_place(&self.folder.join(name), true)?;
+            }
             for name in &names {
                 rename(&temporary.path.join(name), &self.folder.join(name))?;
             }

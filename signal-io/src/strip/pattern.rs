@@ -144,6 +144,11 @@ impl Pattern {
     }
 }
 
+/// Whether the last part of a path has places for numbers or for anything.
+pub(crate) fn is_pattern(path: &Path) -> bool {
+    Pattern::of_path(path).is_some()
+}
+
 /// What follows `%` in a place for a number, and the rest.
 fn number(text: &str) -> Option<(usize, &str)> {
     let (width, rest) = text.split_once('d')?;

@@ -16,11 +16,12 @@ use crate::{Error, Image, ReadOptions, Result};
 ///   25 frames a second.
 /// * GIF and WebP: frames composited onto a transparent canvas as viewers show them, alpha where
 ///   anything is not opaque, with their delays. A WebP without animation is a video of one frame.
-/// * Y4M (YUV4MPEG2): 4:2:0 in all sitings, 4:2:2, 4:1:1, 4:4:4 and mono, 8 to 16 bits, as BT.601 in
-///   the limited range unless it says `XCOLORRANGE=FULL`. Becomes `Y` or `R G B`, not clamped to
-///   [0, 1]; chroma between its samples is linear. Interlaced lines stay where they are. A rate of
-///   0:0 is unknown and counts as 25. The number of frames is not in the file, so whole frames that
-///   are missing at its end go unnoticed.
+/// * Y4M (YUV4MPEG2): 4:2:0 in all sitings, 4:2:2 and 4:1:1 (sited on the left pixels, as the format
+///   has it; files made of pictures may be centred), 4:4:4 and mono, 8 to 16 bits, as BT.601 in the
+///   limited range unless it says `XCOLORRANGE=FULL`. Becomes `Y` or `R G B`, not clamped to [0, 1];
+///   chroma between its samples is linear. Interlaced lines stay where they are. A rate of 0:0 is
+///   unknown and counts as 25. The number of frames is not in the file, so whole frames that are
+///   missing at its end go unnoticed.
 ///
 /// # Errors
 /// Those of [`read_image`](crate::read_image), where `limit_bytes` bounds the whole video, and

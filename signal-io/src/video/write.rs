@@ -5,6 +5,7 @@ use super::{Video, gif, webp, y4m};
 use crate::format::extension;
 use crate::plan::Plan;
 use crate::strip::folder::Series;
+use crate::strip::pattern::is_pattern;
 use crate::{Error, Format, Result, SampleType, Transfer, WriteOptions, atomic};
 
 /// The forms of videos this crate knows.
@@ -110,10 +111,12 @@ fn target(path: &Path) -> Result<Target> {
         known: VideoFormat::WRITABLE,
     };
     // Patterns come first: `frame_%04d.webp` are pictures.
-    match (Series::of_path(path, 1, FRAMES), VideoFormat::from_extension(path)) {
-        (Some(series), _) => Ok(Target::Series(series)),
-        (None, Some(format)) => Ok(Target::File(format)),
-        (None, None) => Err(unknown()),
+    if let Some(series) = Series::of_path(path, 1, FRAMES) {
+        return Ok(Target::Series(series));
+    }
+    match VideoFormat::from_extension(path) {
+        Some(format) if !is_pattern(path) => Ok(Target::File(format)),
+        _ => Err(unknown()),
     }
 }
 

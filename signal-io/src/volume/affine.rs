@@ -1,6 +1,8 @@
 //! Maps from voxel indices to world coordinates: three rows of a 3 x 3 matrix and an offset.
 
-/// A map from voxel indices to world coordinates in millimetres: row `r` gives world coordinate `r` as
+use crate::{Error, Result};
+
+/// Voxel index to world, in millimetres: row `r` gives world coordinate `r` as
 /// `a[r][0] i + a[r][1] j + a[r][2] k + a[r][3]`.
 pub type Affine = [[f64; 4]; 3];
 
@@ -9,7 +11,7 @@ pub type Affine = [[f64; 4]; 3];
 const SINGULAR: f64 = 1e-6;
 
 /// Voxel edges along the world's axes.
-pub(super) fn diagonal(size: [f64; 3]) -> Affine {
+pub(crate) fn diagonal(size: [f64; 3]) -> Affine {
     std::array::from_fn(|r| std::array::from_fn(|c| if r == c { size[r] } else { 0.0 }))
 }
 
@@ -19,12 +21,12 @@ pub(super) fn voxel_size(a: &Affine) -> [f64; 3] {
 }
 
 /// World position of a voxel index.
-pub(super) fn apply(a: &Affine, index: [f64; 3]) -> [f64; 3] {
+pub(crate) fn apply(a: &Affine, index: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|r| (0..3).map(|c| a[r][c] * index[c]).sum::<f64>() + a[r][3])
 }
 
 /// The map `outer(inner(x))`.
-pub(super) fn compose(outer: &Affine, inner: &Affine) -> Affine {
+pub(crate) fn compose(outer: &Affine, inner: &Affine) -> Affine {
     std::array::from_fn(|r| {
         std::array::from_fn(|c| {
             let linear: f64 = (0..3).map(|k| outer[r][k] * inner[k][c]).sum();
@@ -39,8 +41,8 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// Refuses maps that cannot be turned round, with the reason.
-pub(super) fn check(a: &Affine) -> Result<(), String> {
-    let fail = |what: String| Err(format!("the map to millimetres is unusable: {what}"));
+pub(super) fn check(a: &Affine) -> Result<()> {
+    let fail = |what: String| Err(Error::Affine { what });
     if let Some(value) = a.iter().flatten().find(|v| !v.is_finite()) {
         return fail(format!("it contains {value}"));
     }
@@ -59,7 +61,8 @@ pub(super) fn check(a: &Affine) -> Result<(), String> {
     }
 }
 
-fn determinant(a: &Affine) -> f64 {
+/// Volume of the box that the axes span; negative where the map is a reflection.
+pub(crate) fn determinant(a: &Affine) -> f64 {
     let row = |r: usize| [a[r][0], a[r][1], a[r][2]];
     let normal = cross(row(1), row(2));
     (0..3).map(|c| a[0][c] * normal[c]).sum()
@@ -108,7 +111,7 @@ mod tests {
         let mut nan = OBLIQUE;
         nan[2][3] = f64::NAN;
         for bad in [flat, nan, diagonal([1.0, 0.0, 1.0]), diagonal([1.0, 1e300, 1.0])] {
-            assert!(check(&bad).is_err(), "{bad:?}");
+            assert!(matches!(check(&bad), Err(Error::Affine { .. })), "{bad:?}");
         }
         check(&OBLIQUE).unwrap();
         check(&diagonal([1e-6, 1e3, 1.0])).unwrap();

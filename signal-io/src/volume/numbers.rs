@@ -110,6 +110,28 @@ pub(super) fn read(
     expect_end(source)
 }
 
+/// The same for numbers written as text.
+pub(super) fn read_text(bytes: &[u8], order: &Order, data: &mut [f32]) -> Result<(), Fault> {
+    let mut positions = order.positions();
+    let text =
+        std::str::from_utf8(bytes).map_err(|_| Fault::corrupt("its numbers are not text"))?;
+    let mut words = text.split([' ', '\t', '\n', '\r', ',']).filter(|w| !w.is_empty());
+    for _ in 0..order.count() {
+        let word = words.next().ok_or_else(Fault::cut_short)?;
+        let number: f64 = word.parse().map_err(|_| {
+            Fault::corrupt(format!(
+                "{:?} is not a number",
+                word.chars().take(40).collect::<String>()
+            ))
+        })?;
+        data[positions.take()] = number as f32;
+    }
+    match words.next() {
+        None => Ok(()),
+        Some(_) => Err(Fault::corrupt("there are more numbers than its header says")),
+    }
+}
+
 /// Refuses bytes after the data. At the end of a gzip stream this also compares its checksum.
 fn expect_end(source: &mut impl Read) -> Result<(), Fault> {
     match source.read(&mut [0]).map_err(damage)? {
@@ -190,5 +212,11 @@ mod tests {
             let result = read(&mut vec![0; n].as_slice(), coding, &order, &mut data);
             assert!(matches!(result, Err(Fault::Corrupt(_))), "{n}");
         }
+        for text in ["1", "1 2 3", "1 x", "1 \u{e9}"] {
+            let result = read_text(text.as_bytes(), &order, &mut data);
+            assert!(matches!(result, Err(Fault::Corrupt(_))), "{text}");
+        }
+        read_text(b" 1.5,\n-2e3\n", &order, &mut data).unwrap();
+        assert_eq!(data, [1.5, -2000.0]);
     }
 }

@@ -1,117 +1,105 @@
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
-use flate2::read::GzDecoder;
-
-use super::{Volume, array, nifti};
+use super::{VolumeFormat, nifti, npy, nrrd, raw, tiff};
 use crate::budget::Budget;
-use crate::error::Fault;
 use crate::format::extension;
-use crate::read::{HEAD, read_bytes};
-use crate::{Error, ReadOptions, Result};
+use crate::{Error, Result, Volume};
 
-/// The best that deflate does: bytes of zeros shrink to a 1032nd.
-const BEST_RATIO: u64 = 1032;
-
-/// The forms of volumes this crate knows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum VolumeFormat {
-    /// NIfTI-1 or NIfTI-2 in one file.
-    Nifti,
-    /// The same, compressed.
-    NiftiGz,
-    /// A NumPy array with axes (Z, Y, X) or (Z, Y, X, C).
-    Array,
+/// What [`read_volume`] may do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct VolumeReadOptions {
+    /// The most bytes the volume may take in memory (4 per value). The file is in memory too while it is
+    /// read. Default: 4 GiB.
+    pub limit_bytes: u64,
 }
 
-impl VolumeFormat {
-    /// What [`read_volume`] and [`write_volume`](crate::write_volume) know.
-    pub const KNOWN: &'static str = "nii, nii.gz, npy";
-
-    /// The name people use.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Nifti => "NIfTI",
-            Self::NiftiGz => "compressed NIfTI",
-            Self::Array => "npy",
-        }
-    }
-
-    /// The format that a name promises; upper and lower case are the same.
-    pub fn from_extension(path: &Path) -> Option<Self> {
-        let name = path.file_name()?.to_string_lossy().to_lowercase();
-        [(".nii", Self::Nifti), (".nii.gz", Self::NiftiGz), (".npy", Self::Array)]
-            .into_iter()
-            .find(|(ending, _)| name.ends_with(ending))
-            .map(|(_, format)| format)
-    }
-
-    fn from_content(head: &[u8]) -> Option<Self> {
-        match head {
-            [0x1f, 0x8b, ..] => Some(Self::NiftiGz),
-            head if head.starts_with(b"\x93NUMPY") => Some(Self::Array),
-            head => nifti::is_head(head).then_some(Self::Nifti),
-        }
+impl Default for VolumeReadOptions {
+    fn default() -> Self {
+        Self { limit_bytes: 4 << 30 }
     }
 }
 
-/// Reads a volume. The format is found from the content.
+/// Bytes that decide the format.
+const HEAD: usize = 8;
+
+/// Reads a volume. The format is found from the content, and from the extension where the content does
+/// not tell; the crate's first page has the table of formats.
 ///
-/// * NIfTI-1 and -2, plain or compressed, both byte orders: integers and floats of 8 to 64 bits; slope and
-///   intercept are applied; the place is that of the sform, else of the qform, else the voxel sizes alone;
-///   metres and micrometres become millimetres. Axes beyond the third become channels.
-/// * `.npy` with axes (Z, Y, X) or (Z, Y, X, C), both orders: integers and floats; voxels of 1 mm, no place.
-///
-/// [`ReadOptions::limit_bytes`] bounds the decoded volume (4 bytes per value); `transfer` means nothing here.
+/// Sizes are checked before anything is allocated for them: against `limit_bytes`, and against what the
+/// bytes there are could hold. NaN and infinite values are kept.
 ///
 /// # Errors
 /// [`Error::NotFound`], [`Error::Io`], [`Error::UnsupportedFormat`], [`Error::UnsupportedFeature`],
 /// [`Error::Corrupt`], [`Error::TooLarge`], [`Error::OutOfMemory`] and [`Error::Empty`].
-pub fn read_volume(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Volume> {
+pub fn read_volume(path: impl AsRef<Path>, options: &VolumeReadOptions) -> Result<Volume> {
     let path = path.as_ref();
-    let (format, bytes) = read_bytes(path, options, |head| find_format(path, head))?;
-    decode(path, format, &bytes, options)
+    let bytes = read_bounded(path, options.limit_bytes)?;
+    match find_format(path, &bytes)? {
+        VolumeFormat::Raw => raw::read(path, &bytes, options),
+        format => decode(path, format, &bytes, options),
+    }
 }
 
-/// The same for a file that is in memory already; `name` stands for the path in messages.
+/// The same for a file that is in memory already; `name` stands for the path in messages. A JSON
+/// description names another file and cannot be read so.
 ///
 /// # Errors
 /// Those of [`read_volume`], without the ones of the file system.
 pub fn decode_volume(
     name: impl AsRef<Path>,
     bytes: &[u8],
-    options: &ReadOptions,
+    options: &VolumeReadOptions,
 ) -> Result<Volume> {
-    let format = find_format(name.as_ref(), &bytes[..bytes.len().min(HEAD)])?;
-    decode(name.as_ref(), format, bytes, options)
+    decode(name.as_ref(), find_format(name.as_ref(), bytes)?, bytes, options)
 }
 
-fn find_format(path: &Path, head: &[u8]) -> Result<VolumeFormat> {
-    if head.is_empty() {
+/// The bytes of a file, if they are not more than a volume within the limit can need.
+pub(crate) fn read_bounded(path: &Path, limit_bytes: u64) -> Result<Vec<u8>> {
+    let io_error = |source| Error::io(path, "read", source);
+    let file = File::open(path).map_err(io_error)?;
+    // Twice the volume: doubles are that large. 1 MiB: headers of small ones.
+    let limit = limit_bytes.saturating_mul(2).saturating_add(1 << 20);
+    let length = file.metadata().map_err(io_error)?.len();
+    let too_large = |needed| Error::TooLarge { path: path.to_path_buf(), needed, limit };
+    if length > limit {
+        return Err(too_large(length));
+    }
+    // The length of a pipe is not known, hence the second check.
+    let mut bytes = Vec::new();
+    file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(io_error)?;
+    match bytes.len() as u64 > limit {
+        true => Err(too_large(bytes.len() as u64)),
+        false => Ok(bytes),
+    }
+}
+
+fn find_format(path: &Path, bytes: &[u8]) -> Result<VolumeFormat> {
+    if bytes.is_empty() {
         return Err(Error::Empty { path: path.to_path_buf() });
     }
-    VolumeFormat::from_content(head).or_else(|| VolumeFormat::from_extension(path)).ok_or_else(
-        || Error::UnsupportedFormat {
-            path: path.to_path_buf(),
-            extension: extension(path),
-            known: VolumeFormat::KNOWN,
-        },
-    )
+    let content = VolumeFormat::from_content(&bytes[..bytes.len().min(HEAD)]);
+    content.or_else(|| VolumeFormat::from_extension(path)).ok_or_else(|| Error::UnsupportedFormat {
+        path: path.to_path_buf(),
+        extension: extension(path),
+        known: VolumeFormat::EXTENSIONS,
+    })
 }
 
 fn decode(
     path: &Path,
     format: VolumeFormat,
     bytes: &[u8],
-    options: &ReadOptions,
+    options: &VolumeReadOptions,
 ) -> Result<Volume> {
-    let (budget, length) = (Budget::new(options.limit_bytes), bytes.len() as u64);
-    let decoded: std::result::Result<Volume, Fault> = match format {
-        VolumeFormat::Nifti => nifti::decode(bytes, length, &budget),
-        VolumeFormat::NiftiGz => {
-            nifti::decode(GzDecoder::new(bytes), length.saturating_mul(BEST_RATIO), &budget)
-        }
-        VolumeFormat::Array => array::decode(bytes, &budget),
-    };
-    decoded.map_err(|fault| fault.at(path, format.name(), "read"))
+    let budget = Budget::new(options.limit_bytes);
+    match format {
+        VolumeFormat::Nifti => nifti::decode(bytes, &budget),
+        VolumeFormat::Nrrd => nrrd::decode(bytes, &budget),
+        VolumeFormat::Npy => npy::decode(bytes, &budget),
+        VolumeFormat::Tiff => tiff::decode(bytes, &budget),
+        VolumeFormat::Raw => raw::refuse(),
+    }
+    .map_err(|fault| fault.at(path, format.name(), "read"))
 }

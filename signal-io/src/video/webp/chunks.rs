@@ -26,7 +26,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Option<Canvas>, Fault> {
     let mut rest = rest.get(..size).ok_or_else(Fault::cut_short)?;
     let (mut canvas, mut frames) = (None, 0);
     while !rest.is_empty() {
-        let (name, payload, after) = split_chunk(rest)?;
+        let (Chunk { name, payload }, after) = split_chunk(rest)?;
         rest = after;
         match name {
             b"VP8X" if canvas.is_none() => {
@@ -67,17 +67,19 @@ fn check_frame(payload: &[u8], width: u32, height: u32, number: usize) -> Result
     }
 }
 
-/// A chunk: its name, its data, and what follows.
-type Chunk<'a> = (&'a [u8], &'a [u8], &'a [u8]);
+struct Chunk<'a> {
+    name: &'a [u8],
+    payload: &'a [u8],
+}
 
-/// The first chunk.
-fn split_chunk(bytes: &[u8]) -> Result<Chunk<'_>, Fault> {
+/// The first chunk, and what follows.
+fn split_chunk(bytes: &[u8]) -> Result<(Chunk<'_>, &[u8]), Fault> {
     let (head, rest) = bytes.split_at_checked(8).ok_or_else(Fault::cut_short)?;
     let size = u32_at(head, 4) as usize;
     let payload = rest.get(..size).ok_or_else(Fault::cut_short)?;
     // A byte of padding after odd lengths; some writers leave it out at the end.
     let after = rest.get(size + size % 2..).unwrap_or(&[]);
-    Ok((&head[..4], payload, after))
+    Ok((Chunk { name: &head[..4], payload }, after))
 }
 
 fn u32_at(bytes: &[u8], at: usize) -> u32 {
@@ -118,9 +120,9 @@ pub(super) fn push_frame(
     let unexpected = || Fault::Encode("the encoder gave no picture".to_owned());
     let mut rest = still.get(12..).ok_or_else(unexpected)?;
     let picture = loop {
-        let (name, payload, after) = split_chunk(rest).map_err(|_| unexpected())?;
-        if name == b"VP8L" {
-            break payload;
+        let (chunk, after) = split_chunk(rest).map_err(|_| unexpected())?;
+        if chunk.name == b"VP8L" {
+            break chunk.payload;
         }
         rest = after;
     };

@@ -1,6 +1,6 @@
 //! Codes of luma and chroma to numbers and back.
 //!
-//! Source: ITU-R BT.601-7, items 2.5.1 to 2.5.3 (matrix), 2.5.4 (limited range).
+//! Source: ITU-R BT.601-7, section 2.5: matrix and limited range.
 
 use super::header::{Header, Layout};
 use crate::Image;
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn published_codes_of_colour_bars() {
-        // BT.601 in 8 bits, limited: white, red and blue bars of 100 % (EBU Tech. 3325).
+        // Bars of 100 % in 8 bits, limited: white, black, red, blue.
         let codes = Codes::new(8, Range::Limited);
         for (code, rgb) in [
             ([235, 128, 128], [1.0, 1.0, 1.0]),
