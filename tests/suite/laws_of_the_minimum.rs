@@ -14,7 +14,7 @@ const ENERGY_IDENTITY: f64 = 5e-5;
 /// `E(f) - E(f*) = |f - f*|_A^2`, with energies and norm by the f64 reference.
 fn energy_is_a_square_around_the_minimum<const D: usize, const C: usize>() {
     // The reference keeps every basis function at every point: 1024 at each in five dimensions.
-    let sizes = [[45, 90], [20, 40], [8, 16], [4, 6], [3, 4]][D - 1];
+    let sizes = [[45, 90], [20, 40], [8, 16], [4, 5], [3, 3]][D - 1];
     for seed in 0..4 {
         let pair = Pair::<D, C>::random_of(seed, sizes);
         for guidance in rules() {
@@ -54,8 +54,9 @@ const NEAR_DIRICHLET: f64 = 4e-3;
 /// coefficient that a point outside sees has weight `(1/4)^3 / 6` there: it stays free until
 /// `l` is below a thousandth of a pitch, so the limit itself is only reached in f64.
 fn short_lengths_tend_to_fixed_values<const D: usize, const C: usize>() {
-    for seed in 10..14 {
-        let pair = Pair::<D, C>::random(seed);
+    let sizes = [[45, 90], [20, 40], [8, 16], [6, 7], [4, 5]][D - 1];
+    for seed in 10..if D < 4 { 14 } else { 12 } {
+        let pair = Pair::<D, C>::random_of(seed, sizes);
         let h = pair.background.domain().reference_pitch();
         let fixed = pair.blend(Guidance::Patch, Options::with_objective(Objective::Dirichlet));
         let shortest = if D == 1 { 1e-6 } else { 0.03 };
@@ -170,8 +171,8 @@ fn ramp_into_silence_has_closed_form() {
 /// Iterations to 1e-6: measured bounds of the multigrid, which do not grow with the size.
 const ITERATIONS_IMAGE: usize = 12;
 const ITERATIONS_VOLUME: usize = 22;
-const ITERATIONS_LIGHT_FIELD: usize = 40;
-const ITERATIONS_RADIANCE: usize = 60;
+const ITERATIONS_LIGHT_FIELD: usize = 22;
+const ITERATIONS_RADIANCE: usize = 26;
 
 fn iterations<const D: usize>(domain: Domain<D>, region: RasterMask<D>, length: f32) -> usize {
     let pair = Pair::<D, 1> { background: textured(domain, 1), patch: textured(domain, 2), region };
@@ -226,12 +227,12 @@ fn iterations_volume() {
 
 #[test]
 fn iterations_light_field() {
-    iterations_stay_below(ITERATIONS_LIGHT_FIELD, &[[8; 4], [12; 4], [16, 9, 12, 10]]);
+    iterations_stay_below(ITERATIONS_LIGHT_FIELD, &[[8; 4], [12, 9, 11, 10]]);
 }
 
 #[test]
 fn iterations_radiance() {
-    iterations_stay_below(ITERATIONS_RADIANCE, &[[5; 5], [8; 5], [9, 5, 8, 6, 7]]);
+    iterations_stay_below(ITERATIONS_RADIANCE, &[[5; 5], [7, 5, 6, 5, 6]]);
 }
 
 in_every_dimension! {

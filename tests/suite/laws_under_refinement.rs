@@ -10,7 +10,7 @@ const EXTENT: f64 = 32.0;
 /// The coupling length, in the same units: four coarse pitches of the smallest lattice here.
 const LENGTH: f32 = 4.0;
 /// Samples along a thin axis.
-const THIN: usize = 3;
+const THIN: usize = 2;
 
 /// Which axes have how many samples.
 #[derive(Clone, Copy)]
@@ -23,12 +23,8 @@ struct Lattice<const D: usize> {
 }
 
 impl<const D: usize> Lattice<D> {
-    fn cube(n: usize) -> Self {
-        Self { n, wide: [true; D] }
-    }
-
     /// Wide along all of up to three axes, and along the first and the last of more.
-    fn fine(n: usize) -> Self {
+    fn new(n: usize) -> Self {
         Self { n, wide: std::array::from_fn(|d| D < 4 || d == 0 || d + 1 == D) }
     }
 
@@ -39,7 +35,7 @@ impl<const D: usize> Lattice<D> {
     }
 
     /// Faces on cell edges of all lattices: those of up to three axes have 32 samples per axis at least, the
-    /// others 8.
+    /// others 16.
     fn region(&self) -> BoxRegion<D> {
         let (low, high) = if D < 4 { (10.0, 22.0) } else { (8.0, 24.0) };
         let face = |at: f32, beyond: f32| self.wide.map(|wide| if wide { at } else { beyond });
@@ -95,10 +91,10 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 
 /// Root mean square change inside the region from `n` to `2 n` samples per axis.
 fn change<const D: usize>(n: usize, of: impl Fn(usize) -> Objective) -> f64 {
-    let x = points(&Lattice::<D>::cube(n), -f32::INFINITY..0.0);
+    let x = points(&Lattice::<D>::new(n), -f32::INFINITY..0.0);
     let values = [n, 2 * n].map(|n| {
         let mut values = vec![[0.0]; x.len()];
-        fields(&Lattice::<D>::cube(n), of(n))[2].eval(&x, &mut values);
+        fields(&Lattice::<D>::new(n), of(n))[2].eval(&x, &mut values);
         values
     });
     rms(values[0].iter().zip(&values[1]).map(|(a, b)| f64::from(a[0] - b[0])))
@@ -112,7 +108,7 @@ const REFINEMENT: f64 = 0.2 / 255.0;
 /// The screened blend is a property of the signals; the paper's depends on the sampling density
 /// and drifts, at the same physical balance of its two terms (`lambda h^-2`).
 fn refinement_changes_little<const D: usize>() {
-    let n = [64, 64, 32, 8, 8][D - 1];
+    let n = [64, 64, 32, 16, 16][D - 1];
     let screened = change::<D>(n, |_| Objective::Screened { length: Some(LENGTH), keep: None });
     let paper =
         change::<D>(n, |m| Objective::Paper { lambda: 2.0 * (n as f32 / m as f32).powi(2) });
@@ -146,7 +142,7 @@ fn laplacian<const D: usize>(field: &Spline<D, 1>, x: &[f32; D]) -> (f64, f64) {
 /// Relative residuals inside, `lap c - lap c_T`, and outside,
 /// `-lap (c - c_S) + l^-2 (c - c_S)`, at least `AWAY` from the edge.
 fn residuals<const D: usize>(n: usize) -> [f64; 2] {
-    let lattice = Lattice::<D>::fine(n);
+    let lattice = Lattice::<D>::new(n);
     let [background, patch, blend] =
         fields(&lattice, Objective::Screened { length: Some(LENGTH), keep: None });
     let inside = points(&lattice, -f32::INFINITY..-AWAY);

@@ -1,6 +1,8 @@
 //! A field over position and direction, the kind a renderer asks: fitted, blended and seen on a plane, against its
 //! formula and against the f64 reference.
 
+use std::f32::consts::PI;
+
 use inr_core::{
     Architecture, Domain, Ellipsoid, Field, FitOptions, Frame, Network, Output, Samples, Spline,
     TrainOptions, Trainer, Unit, fit,
@@ -16,18 +18,22 @@ use poisson_loss::{
 /// What the patch is brighter by: nothing of it may be left in a blend.
 const OFFSET: f32 = 0.2;
 
-/// Brightness at a position (millimetres) from a direction (radians): a shaded wave and a highlight that moves with the
-/// eye.
-fn radiance([x, y, z, polar, azimuth]: [f32; 5]) -> f32 {
-    let shade = (1.1 * x).sin() * (0.9 * y + 0.4).cos() + 0.5 * (0.8 * z + 0.3 * x).sin();
-    let highlight = (-(polar - 0.3 * x).powi(2) - (azimuth - 0.2 * y).powi(2)).exp();
-    0.4 + 0.15 * shade + 0.2 * highlight
-}
+/// Samples per axis: three of position, two of direction.
+const SHAPE: [usize; 5] = [7, 7, 7, 6, 6];
 
 fn lattice() -> Domain<5> {
     let pitch = [0.4, 0.4, 0.4, 0.35, 0.35];
     let origin = [-1.2, -1.2, -1.2, -0.9, -0.9];
-    Domain::new([7, 7, 7, 6, 6], pitch, origin, Unit::Millimetre).expect("a valid lattice")
+    Domain::new(SHAPE, pitch, origin, Unit::Millimetre).expect("a valid lattice")
+}
+
+/// Brightness at a position (millimetres) from a direction (radians): shading, and light that moves with the eye. Half
+/// waves from the first sample to the last: a spline mirrors its samples there, and the truth has to as well.
+fn radiance(x: [f32; 5]) -> f32 {
+    let index = lattice().to_index(&x);
+    let [x, y, z, polar, azimuth]: [f32; 5] =
+        std::array::from_fn(|d| (PI * index[d] / (SHAPE[d] - 1) as f32).cos());
+    0.4 + 0.1 * x * y + 0.1 * z + 0.1 * polar * x + 0.08 * azimuth * y * z
 }
 
 /// A ball in space, from every direction.
@@ -114,7 +120,7 @@ fn fitted_fields_blend_into_a_field_that_shows_the_formula() {
     let exact = solve(&problem).expect("a solvable problem");
     let exact_error = rmse(&seen(&exact.to_field()), 0.0);
     println!("exact blend of a network, seen: {exact_error:.1e}");
-    assert!(exact_error < INTERPOLATION + FIT, "got {exact_error:e}");
+    assert!(exact_error < 2.0 * FIT, "got {exact_error:e}, expected below {:e}", 2.0 * FIT);
 
     // The fitted patch is the start: it has the structure already, but not the level.
     let on = neural_box(&problem, &exact);
@@ -132,7 +138,7 @@ const REFERENCE: f64 = 1e-5;
 
 #[test]
 fn views_of_an_exact_blend_are_those_of_the_reference() {
-    let domain = Domain::unit([3, 4, 3, 3, 3]).expect("a valid lattice");
+    let domain = Domain::unit([3; 5]).expect("a valid lattice");
     let (background, patch) = (textured::<5, 1>(domain, 31), textured::<5, 1>(domain, 32));
     let region = ball(domain, 0.9);
     let case = Case {
