@@ -80,7 +80,7 @@ fn time<const D: usize, const C: usize>(size: [usize; D], case: &Case) {
         let seconds = begin.elapsed().as_secs_f64();
         let samples: usize = size.iter().product();
         println!(
-            "{{\"size\": {size:?}, \"channels\": {C}, \"seconds\": {seconds:.3}, \"ns_per_sample_and_channel\": {:.1}, \
+            "{{\"size\": {size:?}, \"channels\": {C}, \"seconds\": {seconds:.6}, \"ns_per_sample_and_channel\": {:.1}, \
              \"iterations\": {}, \"residual\": {:.1e}, \"length\": {:.1}, \"peak_bytes\": {}, \"bytes_per_sample\": {:.0}}}",
             1e9 * seconds / (samples * C) as f64,
             blend.report.iterations,
