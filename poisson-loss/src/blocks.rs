@@ -65,23 +65,42 @@ pub struct BlockOptions {
     pub tolerance: f32,
     /// Give up after this many sweeps.
     pub max_sweeps: usize,
+    /// Give the result to the sink in whole rows from the first to the last (slabs across the last axis), all
+    /// channels of a slab before the next one: for files that are written from top to bottom.
+    pub whole_rows: bool,
+    /// A number that tells this problem from others of its shape: a stopped run is taken up only where it agrees.
+    pub fingerprint: u64,
 }
 
 impl Default for BlockOptions {
-    /// 4 GiB; 1e-5, which is 1/400 of a step of 8 bits; 40 sweeps.
+    /// 4 GiB; 1e-5, which is 1/400 of a step of 8 bits; 40 sweeps; the result block by block.
     fn default() -> Self {
-        Self { max_memory: 4 << 30, tolerance: 1e-5, max_sweeps: 40 }
+        let (whole_rows, fingerprint) = (false, 0);
+        Self { max_memory: 4 << 30, tolerance: 1e-5, max_sweeps: 40, whole_rows, fingerprint }
     }
+}
+
+/// What a blend in blocks is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BlockStage {
+    /// The residual for the coarse correction, block by block.
+    Correction,
+    /// One block after the other.
+    Blocks,
+    /// The result goes to the sink.
+    Result,
 }
 
 /// Where a blend in blocks is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BlockProgress {
+    /// What is being done.
+    pub stage: BlockStage,
     /// Sweeps done before this one.
     pub sweep: usize,
-    /// Blocks of this sweep that are done.
+    /// Blocks of this stage that are done.
     pub block: usize,
-    /// All blocks.
+    /// All blocks of it.
     pub blocks: usize,
     /// Largest change of a value in the last finished sweep; infinite in the first one.
     pub change: f32,
@@ -104,6 +123,8 @@ pub struct BlockReport {
     pub box_shape: Vec<usize>,
     /// The coupling length in use, in samples.
     pub length: f32,
+    /// Sum of the region's weights: its size in samples.
+    pub region_samples: f64,
 }
 
 /// The part of the background that is solved for, and what its parts share.
@@ -118,6 +139,8 @@ pub(crate) struct Boxed<const D: usize> {
     means: Vec<f32>,
     /// Side of the blocks, without overlap.
     side: usize,
+    /// Rows of the slabs that the result is written in; 0 where it is written in blocks.
+    slab: usize,
     /// Coarse lattice; `None` where the box is one block.
     coarse: Option<Coarse<D>>,
 }
@@ -148,43 +171,50 @@ pub fn solve_in_blocks<const D: usize, const C: usize>(
 ) -> Result<BlockReport> {
     let boxed = survey::survey(problem, options)?;
     let blocks = boxed.blocks();
-    let mut file = State::open::<C>(state, &boxed)?;
-    let (mut sweep, mut change) = (file.sweep, f32::INFINITY);
-    while change > options.tolerance {
+    let mut file = State::open::<C>(state, &boxed, options.fingerprint)?;
+    while file.last > options.tolerance {
+        let (sweep, change) = (file.sweep, file.last);
         if sweep >= options.max_sweeps {
             let residual = f64::from(change);
             return Err(Error::NotConverged { iterations: sweep, residual });
         }
+        let mut tell = |stage, block| {
+            let at = BlockProgress { stage, sweep, block, blocks: blocks.len(), change };
+            if progress(&at) { Ok(()) } else { Err(Error::Stopped) }
+        };
         let mut largest = file.change;
         if file.block == 0
             && let Some(coarse) = &boxed.coarse
         {
-            let correction = Correction::solve(problem, &boxed, coarse, &blocks, &file)?;
+            let mut tell = |block| tell(BlockStage::Correction, block);
+            let correction =
+                Correction::solve(problem, &boxed, coarse, &blocks, &file, &mut tell)?;
             largest = correction.add(&boxed, &blocks, &mut file)?;
         }
         for block in file.block..blocks.len() {
             largest = largest.max(relax(problem, &boxed, &blocks[block], &mut file)?);
-            file.keep(sweep, block + 1, largest)?;
-            let at = BlockProgress { sweep, block: block + 1, blocks: blocks.len(), change };
-            if !progress(&at) {
-                return Err(Error::Stopped);
-            }
+            file.keep(block + 1, largest)?;
+            tell(BlockStage::Blocks, block + 1)?;
         }
-        sweep += 1;
-        change = if boxed.coarse.is_none() { 0.0 } else { largest };
-        file.keep(sweep, 0, 0.0)?;
+        file.end_sweep(if boxed.coarse.is_none() { 0.0 } else { largest })?;
     }
-    write(problem, &boxed, &file, sink)?;
+    let (sweeps, change) = (file.sweep, file.last);
+    write(problem, &boxed, &file, sink, &mut |block, blocks| {
+        let stage = BlockStage::Result;
+        let at = BlockProgress { stage, sweep: sweeps, block, blocks, change };
+        if progress(&at) { Ok(()) } else { Err(Error::Stopped) }
+    })?;
     drop(file);
     std::fs::remove_file(state).map_err(|e| storage_error("the state file", &e))?;
     Ok(BlockReport {
-        sweeps: sweep,
+        sweeps,
         change,
         blocks: blocks.len(),
         coarse_step: boxed.coarse.map_or(0, |c| c.step),
         box_start: boxed.start.to_vec(),
         box_shape: boxed.frame.shape.to_vec(),
         length: boxed.length,
+        region_samples: boxed.measure,
     })
 }
 
@@ -193,12 +223,12 @@ impl<const D: usize> Boxed<D> {
     fn bare(start: [usize; D], shape: [usize; D]) -> Self {
         let frame = Frame { shape, ends: [[End::Mirror; 2]; D] };
         let (length, keep, measure) = (1.0, None, 0.0);
-        Self { start, frame, length, keep, measure, means: Vec::new(), side: 0, coarse: None }
+        Self { start, frame, length, keep, measure, means: Vec::new(), side: 0, slab: 0, coarse: None }
     }
 
     /// The blocks, without overlap, axis 0 fastest.
     fn blocks(&self) -> Vec<Part<D>> {
-        parts(self.frame.shape, self.side)
+        parts(self.frame.shape, [self.side; D])
     }
 
     /// The plan of a part whose weights are cut out of a wider one.
@@ -208,9 +238,9 @@ impl<const D: usize> Boxed<D> {
     }
 }
 
-/// Cuts a box into equal parts of at most `side` samples per axis.
-fn parts<const D: usize>(shape: [usize; D], side: usize) -> Vec<Part<D>> {
-    let counts = shape.map(|n| n.div_ceil(side));
+/// Cuts a box into equal parts of at most `sides` samples, axis 0 fastest.
+fn parts<const D: usize>(shape: [usize; D], sides: [usize; D]) -> Vec<Part<D>> {
+    let counts: [usize; D] = std::array::from_fn(|d| shape[d].div_ceil(sides[d]));
     let part = |mut k: usize| {
         let (mut start, mut end) = ([0; D], [0; D]);
         for d in 0..D {
@@ -262,11 +292,16 @@ fn write<const D: usize, const C: usize>(
     boxed: &Boxed<D>,
     file: &State<D>,
     sink: &mut dyn BlockSink<D>,
+    done: &mut dyn FnMut(usize, usize) -> Result<()>,
 ) -> Result<()> {
     let shape = problem.background.shape();
     let whole = Boxed::bare([0; D], shape);
-    for part in parts(shape, boxed.side) {
-        let mut samples = read_background(problem, &whole, &part)?;
+    let parts = match boxed.slab {
+        0 => parts(shape, [boxed.side; D]),
+        slab => parts(shape, std::array::from_fn(|d| if d + 1 < D { shape[d] } else { slab })),
+    };
+    for (k, part) in parts.iter().enumerate() {
+        let mut samples = read_background(problem, &whole, part)?;
         // Where the part meets the box, in the box's samples.
         let lo: [usize; D] = std::array::from_fn(|d| part.start[d].max(boxed.start[d]));
         let hi: [usize; D] = std::array::from_fn(|d| {
@@ -293,6 +328,7 @@ fn write<const D: usize, const C: usize>(
             let written = sink.write(c, part.start, part.shape, samples.plane(c));
             written.map_err(|e| storage_error("the result", &e))?;
         }
+        done(k + 1, parts.len())?;
     }
     Ok(())
 }

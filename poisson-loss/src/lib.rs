@@ -119,7 +119,7 @@ mod tile;
 
 pub use baselines::{Baseline, solve_baseline};
 pub use blocks::{
-    BlockOptions, BlockProblem, BlockProgress, BlockReport, BlockSink, BlockSource, PlaneFile,
+    BlockOptions, BlockProblem, BlockProgress, BlockReport, BlockSink, BlockSource, BlockStage, PlaneFile,
     solve_in_blocks,
 };
 pub use error::{Error, Result};

@@ -1,5 +1,5 @@
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -34,21 +34,48 @@ pub(crate) fn replace<T>(
     force: bool,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<T>,
 ) -> Result<T> {
-    check_place(path, force)?;
-    let io_error = |action| move |source| Error::Io { path: path.to_path_buf(), action, source };
-    // Renaming onto a link would replace the link and leave its target as it was.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
-    let (temporary, file) = Temporary::create(&target).map_err(io_error("create"))?;
+    let (replacement, file) = Replacement::start(path, force)?;
     let mut writer = BufWriter::with_capacity(1 << 16, file);
     let value = write(&mut writer)?;
-    writer.flush().map_err(io_error("write"))?;
-    // Without the sync a power cut after the rename can leave an empty file under the final name.
-    writer.get_ref().sync_all().map_err(io_error("sync"))?;
-    drop(writer);
-    check_place(path, force)?;
-    fs::rename(&temporary.path, &target).map_err(io_error("rename"))?;
-    temporary.keep();
+    let file = writer.into_inner().map_err(|e| failed(path, "write", e.into_error()))?;
+    replacement.finish(file)?;
     Ok(value)
+}
+
+/// A file that is being made and takes its final name at the end, or is removed.
+pub(crate) struct Replacement {
+    path: PathBuf,
+    target: PathBuf,
+    force: bool,
+    temporary: Temporary,
+}
+
+impl Replacement {
+    /// Makes the temporary file.
+    pub(crate) fn start(path: &Path, force: bool) -> Result<(Self, File)> {
+        check_place(path, force)?;
+        // Renaming onto a link would replace the link and leave its target as it was.
+        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+        let (temporary, file) =
+            Temporary::create(&target).map_err(|e| failed(path, "create", e))?;
+        Ok((Self { path: path.to_path_buf(), target, force, temporary }, file))
+    }
+
+    /// Gives the temporary file, to which everything is written, its name.
+    pub(crate) fn finish(self, file: File) -> Result<()> {
+        let path = &self.path;
+        // Without the sync a power cut after the rename can leave an empty file under the final name.
+        file.sync_all().map_err(|e| failed(path, "sync", e))?;
+        drop(file);
+        check_place(path, self.force)?;
+        fs::rename(&self.temporary.path, &self.target).map_err(|e| failed(path, "rename", e))?;
+        self.temporary.keep();
+        Ok(())
+    }
+}
+
+fn failed(path: &Path, action: &'static str, source: io::Error) -> Error {
+    Error::Io { path: path.to_path_buf(), action, source }
 }
 
 /// Existing target, missing folder: what can be known before the work starts.
@@ -107,6 +134,8 @@ impl Drop for Temporary {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write;
+
     use super::*;
 
     fn names(folder: &Path) -> Vec<String> {

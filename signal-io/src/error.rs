@@ -66,6 +66,16 @@ pub enum Error {
         /// Bytes allowed.
         limit: u64,
     },
+    /// A picture that is to be read or written by rows, in a file whose rows do not come one after the other.
+    #[error("{}: {what}, so it is not {action} row by row; convert it to PNG without interlacing, TIFF, npy in C order or PFM, or allow more memory", path.display())]
+    NotByRows {
+        /// The file.
+        path: PathBuf,
+        /// What keeps the rows apart, with the bytes that the whole picture would take.
+        what: String,
+        /// "read" or "written".
+        action: &'static str,
+    },
     /// The limit allows the picture, the machine does not.
     #[error("{} needs {needed} bytes of memory, which this machine cannot give; use a smaller file", path.display())]
     OutOfMemory {

@@ -163,6 +163,7 @@ mod light_field;
 mod mesh;
 mod plan;
 mod read;
+mod rows;
 mod sniff;
 mod strip;
 mod transfer;
@@ -184,6 +185,7 @@ pub use crate::light_field::{
 };
 pub use crate::mesh::{Mesh, decode_mesh, read_mesh};
 pub use crate::read::{ReadOptions, decode_image, read_image};
+pub use crate::rows::{PictureInfo, RowReader, RowWriter};
 pub use crate::sniff::{is_animation, is_tiff_stack, is_view_grid};
 pub use crate::transfer::{Transfer, linear_to_srgb, srgb_to_linear};
 pub use crate::video::{

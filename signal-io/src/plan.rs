@@ -23,7 +23,7 @@ impl Plan {
     ) -> Result<Self, Fault> {
         let sample = choose_sample(format, image, options.sample)?;
         check_channels(format, extension, image)?;
-        check_size(format, image)?;
+        check_size(format, image.width(), image.height())?;
         let transfer = match (format, sample, image.transfer) {
             (Format::Npy, _, stored) => stored,
             (Format::Tiff, SampleType::F16 | SampleType::F32, stored) => stored,
@@ -110,13 +110,12 @@ fn names(image: &Image) -> String {
 }
 
 /// The longest side a format can state in its header.
-fn check_size(format: Format, image: &Image) -> Result<(), Fault> {
+pub(crate) fn check_size(format: Format, w: usize, h: usize) -> Result<(), Fault> {
     let side = match format {
         Format::WebP => 16_384, // 14 bits, counted from one.
         Format::Jpeg | Format::Gif => 65_535,
         _ => i32::MAX as usize,
     };
-    let (w, h) = (image.width(), image.height());
     match w <= side && h <= side {
         true => Ok(()),
         false => Err(Fault::cannot_hold(

@@ -46,6 +46,15 @@ pub fn read_image(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image
     decode(path, format, &bytes, options)
 }
 
+/// The first bytes of a file, at most this many.
+pub(crate) fn head_of(path: &Path, count: usize) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let io_error = |source| Error::io(path, "read", source);
+    let file = File::open(path).map_err(io_error)?;
+    file.take(count as u64).read_to_end(&mut bytes).map_err(io_error)?;
+    Ok(bytes)
+}
+
 /// The bytes of a file of bounded length, after `accept` has agreed to its first [`HEAD`] bytes.
 pub(crate) fn read_bytes<T>(
     path: &Path,

@@ -90,7 +90,7 @@ fn make_plan(path: &Path, image: &Image, options: &WriteOptions) -> Result<Plan>
         .map_err(|f| f.at(path, format.name(), "write"))
 }
 
-fn writable_format(path: &Path) -> Result<Format> {
+pub(crate) fn writable_format(path: &Path) -> Result<Format> {
     let known = extension(path);
     Format::from_extension(path)
         .filter(|f| *f != Format::Gif && !matches!(known.as_str(), "pbm" | "apng"))

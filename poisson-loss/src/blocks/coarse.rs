@@ -16,17 +16,18 @@ pub struct Correction<const D: usize> {
 }
 
 impl<const D: usize> Correction<D> {
-    /// Restricts the residual of all equations and solves for it.
+    /// Restricts the residual of all equations and solves for it; `done` hears of every block and may end it.
     pub fn solve<const C: usize>(
         problem: &BlockProblem<'_, D, C>,
         boxed: &Boxed<D>,
         coarse: &Coarse<D>,
         blocks: &[Part<D>],
         file: &State<D>,
+        done: &mut dyn FnMut(usize) -> Result<()>,
     ) -> Result<Self> {
         let zeros = || vec![0.0f32; coarse.frame.len()];
         let (mut residuals, mut region) = (vec![zeros(); C], zeros());
-        for core in blocks {
+        for (k, core) in blocks.iter().enumerate() {
             let wide = core.widened(HALO, boxed.frame.shape);
             let local = Local::load(problem, boxed, wide)?;
             let tables = |table: fn(&Coarse<D>, usize, usize, usize) -> Table| {
@@ -40,6 +41,7 @@ impl<const D: usize> Correction<D> {
                 let r = core.cut(&r, &wide);
                 add_restricted(coarse, core, &r, tables(Coarse::restriction), sum);
             }
+            done(k + 1)?;
         }
         let step = coarse.step as f32;
         let keep = boxed.keep.map(|l| l / step);

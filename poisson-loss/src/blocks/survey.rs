@@ -18,6 +18,8 @@ const MEASURED: usize = 1024;
 const READ: usize = 1024;
 /// Least side of a block: below it overlaps would be most of the work.
 const LEAST_SIDE: usize = 64;
+/// Least rows of a slab of the result, beside a halo of three times as many.
+const LEAST_SLAB: usize = 16;
 /// Least number of fine samples per coarse one. Every second sample would cost a quarter of a blend.
 const LEAST_STEP: usize = 4;
 /// Share of the memory for a block, and for the coarse lattice; the rest is for what is read and written.
@@ -88,9 +90,13 @@ pub fn survey<const D: usize, const C: usize>(
         measure: support.measure,
         means: vec![0.0; C],
         side: 0,
+        slab: 0,
         coarse: None,
     };
     sizes::<D, C>(&mut boxed, options.max_memory)?;
+    if options.whole_rows {
+        boxed.slab = slab::<D, C>(domain.shape(), options.max_memory)?;
+    }
     if keep.is_none() {
         boxed.means = means(problem, &boxed, &support)?;
     }
@@ -129,6 +135,21 @@ fn sizes<const D: usize, const C: usize>(boxed: &mut Boxed<D>, memory: u64) -> R
     Ok(())
 }
 
+/// Rows of the slabs in which the result is written.
+fn slab<const D: usize, const C: usize>(shape: [usize; D], memory: u64) -> Result<usize> {
+    let row: f64 = shape[..D - 1].iter().map(|n| *n as f64).product();
+    let (rows, all) = (memory as f64 * SHARES.0 / (row * block_bytes(C)), shape[D - 1]);
+    let least = (LEAST_SLAB + 2 * HALO).min(all);
+    match rows as usize {
+        rows if rows >= all => Ok(all),
+        rows if rows >= least => Ok((rows - 2 * HALO).max(1)),
+        _ => {
+            let needed = least as f64 * row * block_bytes(C) / SHARES.0;
+            Err(Error::Memory { needed: needed as u64 + 1, given: memory })
+        }
+    }
+}
+
 /// The region's bounds and measure, and the default length, from a mask of reduced resolution.
 fn region<const D: usize, const C: usize>(
     problem: &BlockProblem<'_, D, C>,
@@ -153,7 +174,7 @@ fn region<const D: usize, const C: usize>(
     let mut sums = vec![0.0f32; extent.iter().product()];
     let (mut low, mut high, mut measure) = (whole, [0; D], 0.0f64);
     let around = Boxed::bare(lo, shape);
-    for part in parts(shape, READ) {
+    for part in parts(shape, [READ; D]) {
         let weights = read_region(problem, &around, &part)?;
         for (k, w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
             let (mut rest, mut at, mut stride) = (k, 0, 1);
@@ -199,7 +220,7 @@ fn means<const D: usize, const C: usize>(
         _ => (-1.0, 1.0),
     };
     let from: [usize; D] = std::array::from_fn(|d| support.start[d] - boxed.start[d]);
-    for part in parts(support.shape, READ) {
+    for part in parts(support.shape, [READ; D]) {
         let start = std::array::from_fn(|d| from[d] + part.start[d]);
         let part = Part { start, shape: part.shape }.widened(1, boxed.frame.shape);
         let region = read_region(problem, boxed, &part)?;

@@ -142,19 +142,86 @@ fn a_stopped_run_goes_on() {
     let state = path("stopped");
     let mut out = Samples::zeros(*case.background.domain());
     let mut left = 7;
-    let stopped = solve_in_blocks(&case.problem(), &options, &state, &mut out, &mut |_| {
-        left -= 1;
+    let stopped = solve_in_blocks(&case.problem(), &options, &state, &mut out, &mut |at| {
+        left -= usize::from(at.stage == BlockStage::Blocks);
         left > 0
     });
     assert_eq!(stopped, Err(Error::Stopped));
     let mut first = None;
     let done = solve_in_blocks(&case.problem(), &options, &state, &mut out, &mut |at| {
-        first.get_or_insert((at.sweep, at.block));
+        if at.stage == BlockStage::Blocks {
+            first.get_or_insert((at.sweep, at.block));
+        }
         true
     });
     let blocks = done.unwrap().blocks;
     assert_eq!(first, Some((7 / blocks, 7 % blocks + 1)));
     assert!(out == case.in_blocks(LITTLE, "whole").0);
+}
+
+#[test]
+fn a_run_stopped_while_writing_only_writes() {
+    let case = Case::new([520, 500], [440, 400], [40, 50]);
+    let options = BlockOptions { max_memory: LITTLE, ..BlockOptions::default() };
+    let state = path("writing");
+    let mut out = Samples::zeros(*case.background.domain());
+    let run = |options: &BlockOptions, go_on: fn(BlockStage) -> bool, out: &mut Samples<2, 2>| {
+        let mut stages = Vec::new();
+        let done = solve_in_blocks(&case.problem(), options, &state, out, &mut |at| {
+            stages.push(at.stage);
+            go_on(at.stage)
+        });
+        (done, stages)
+    };
+    let (stopped, _) = run(&options, |stage| stage != BlockStage::Result, &mut out);
+    assert_eq!(stopped, Err(Error::Stopped));
+    // Another problem of the same shape has to be solved.
+    let other = BlockOptions { fingerprint: 1, ..options };
+    let kept = std::fs::read(&state).unwrap();
+    let (stopped, stages) = run(&other, |_| false, &mut out);
+    assert_eq!((stopped, stages), (Err(Error::Stopped), vec![BlockStage::Correction]));
+    std::fs::write(&state, kept).unwrap();
+    let (done, stages) = run(&options, |_| true, &mut out);
+    assert!(done.unwrap().change <= options.tolerance);
+    assert!(stages.iter().all(|stage| *stage == BlockStage::Result), "{stages:?}");
+    assert!(out == case.in_blocks(LITTLE, "written-at-once").0);
+}
+
+/// Takes whole rows in order alone.
+struct FromTheTop(Samples<2, 2>, [usize; 2]);
+
+impl BlockSink<2> for FromTheTop {
+    fn write(
+        &mut self,
+        channel: usize,
+        start: [usize; 2],
+        shape: [usize; 2],
+        values: &[f32],
+    ) -> std::io::Result<()> {
+        assert_eq!((channel, start), (self.1[0], [0, self.1[1]]));
+        assert_eq!(shape[0], self.0.domain().shape()[0]);
+        self.1 = if channel == 1 { [0, start[1] + shape[1]] } else { [1, start[1]] };
+        self.0.write(channel, start, shape, values)
+    }
+}
+
+#[test]
+fn results_in_whole_rows_are_the_same() {
+    let case = Case::new([330, 500], [300, 400], [-20, 50]);
+    let options = BlockOptions { max_memory: LITTLE, whole_rows: true, ..BlockOptions::default() };
+    let mut out = FromTheTop(Samples::zeros(*case.background.domain()), [0, 0]);
+    let state = path("rows");
+    let done = solve_in_blocks(&case.problem(), &options, &state, &mut out, &mut |_| true);
+    assert!(done.unwrap().blocks > 1);
+    assert_eq!(out.1, [0, 500]);
+    let expected = case.in_blocks(LITTLE, "blocks").0;
+    let pairs = out.0.as_planar().iter().zip(expected.as_planar());
+    let largest = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // The halo's last weights, and rounding.
+    assert!(largest < 1e-5, "{largest}");
+    let less = BlockOptions { max_memory: 1 << 20, ..options };
+    let refused = solve_in_blocks(&case.problem(), &less, &state, &mut out.0, &mut |_| true);
+    assert!(matches!(refused, Err(Error::Memory { .. })), "{refused:?}");
 }
 
 #[test]

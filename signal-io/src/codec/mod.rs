@@ -6,7 +6,7 @@ mod jpeg;
 pub(crate) mod npy;
 mod orientation;
 mod pfm;
-mod pnm;
+pub(crate) mod pnm;
 pub(crate) mod quantize;
 mod raster;
 pub(crate) mod tiff;

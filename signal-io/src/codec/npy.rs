@@ -102,10 +102,10 @@ fn decode_rows(
 }
 
 /// A conversion from the bytes of one number.
-type Convert = fn(&[u8]) -> f32;
+pub(crate) type Convert = fn(&[u8]) -> f32;
 
 /// Bytes per number, the nearest sample type, and the conversion.
-fn number_type(descr: &str) -> Result<(usize, SampleType, Convert), Fault> {
+pub(crate) fn number_type(descr: &str) -> Result<(usize, SampleType, Convert), Fault> {
     use SampleType::{F16, F32, U8, U16};
     // `try_into` cannot fail: the caller passes as many bytes as the first field says.
     Ok(match descr {

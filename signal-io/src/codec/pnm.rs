@@ -12,12 +12,12 @@ use crate::plan::Plan;
 use crate::{Image, SampleType, Transfer};
 
 /// The words of a text header; a comment runs from `#` to the end of its line.
-pub(super) struct Tokens<'a> {
+pub(crate) struct Tokens<'a> {
     rest: &'a [u8],
 }
 
 impl<'a> Tokens<'a> {
-    pub(super) fn new(rest: &'a [u8]) -> Self {
+    pub(crate) fn new(rest: &'a [u8]) -> Self {
         Self { rest }
     }
 
@@ -34,7 +34,7 @@ impl<'a> Tokens<'a> {
         }
     }
 
-    pub(super) fn word(&mut self) -> Result<&'a str, Fault> {
+    pub(crate) fn word(&mut self) -> Result<&'a str, Fault> {
         self.skip_blanks();
         let end = self.rest.iter().position(|b| b.is_ascii_whitespace() || *b == b'#');
         let (word, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
@@ -46,7 +46,7 @@ impl<'a> Tokens<'a> {
         }
     }
 
-    pub(super) fn number(&mut self) -> Result<u64, Fault> {
+    pub(crate) fn number(&mut self) -> Result<u64, Fault> {
         let word = self.word()?;
         word.parse().map_err(|_| Fault::corrupt(format!("its header has {word:?} for a number")))
     }
@@ -60,7 +60,7 @@ impl<'a> Tokens<'a> {
     }
 
     /// What follows the single blank after the header.
-    pub(super) fn body(self) -> Result<&'a [u8], Fault> {
+    pub(crate) fn body(self) -> Result<&'a [u8], Fault> {
         match self.rest {
             [first, rest @ ..] if first.is_ascii_whitespace() => Ok(rest),
             _ => Err(Fault::cut_short()),

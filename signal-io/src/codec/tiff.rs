@@ -1,6 +1,6 @@
 //! TIFF: grey and RGB with and without alpha, 1 to 16 bits and floats; strips, tiles and planes.
 
-use std::io::{Cursor, Seek, Write};
+use std::io::{Cursor, Read, Seek, Write};
 
 use ::image::metadata::Orientation;
 use ::tiff::decoder::{Decoder, DecodingResult, Limits};
@@ -56,10 +56,10 @@ pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Image, Fault> {
     Ok(orientation::upright(image, turn.unwrap_or(Orientation::NoTransforms)))
 }
 
-type Bytes<'a> = Cursor<&'a [u8]>;
-
 /// Names of the channels and bits per sample.
-fn channel_names(decoder: &mut Decoder<Bytes<'_>>) -> Result<(Vec<String>, u8), Fault> {
+pub(crate) fn channel_names<R: Read + Seek>(
+    decoder: &mut Decoder<R>,
+) -> Result<(Vec<String>, u8), Fault> {
     let extra = decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok().flatten();
     let first_extra = extra.and_then(|e| e.first().copied());
     let names = |list: &[&str]| list.iter().map(|n| (*n).to_owned()).collect();
@@ -81,7 +81,7 @@ fn channel_names(decoder: &mut Decoder<Bytes<'_>>) -> Result<(Vec<String>, u8), 
     })
 }
 
-fn to_planar(
+pub(crate) fn to_planar(
     raw: DecodingResult,
     w: usize,
     h: usize,
