@@ -50,7 +50,8 @@ pub enum Command {
         npsolve blend speech.wav music.flac --from 1 --to 3.5 --at 3 -o spliced.wav\n  \
         npsolve blend atlas.nii.gz head.nii.gz --region ellipsoid:30,70,50:14,18,14 -o out.nii.gz\n  \
         npsolve blend sky.safetensors plane.safetensors --mask m.png --at 9,9 -o out.safetensors\n  \
-        npsolve blend sky.png plane.png --at 9,9 --field siren --budget 60s -o out.safetensors")]
+        npsolve blend sky.png plane.png --at 9,9 --field siren --budget 60s -o out.safetensors\n  \
+        npsolve blend scan.tif overlay.tif --mask m.png --max-memory 4G -o out.tif")]
     Blend(BlendArgs),
     /// Run every solver and baseline on one problem, or on a list of scenes.
     #[command(after_help = "Examples:\n  \
@@ -135,6 +136,11 @@ pub struct BlendArgs {
     /// the exact solution from the beginning.
     #[arg(long, value_name = "N", help_heading = "Field", value_parser = values::power_of_two)]
     pub table_rows: Option<usize>,
+    /// Blend pictures that are larger than memory: take at most this much, as 4G or 500M. They are solved in blocks, with
+    /// hidden scratch files beside OUT (about 16 bytes per channel and pixel). PNG, TIFF, npy and PFM are read and
+    /// written by rows. Ctrl-C keeps what is done: the same command goes on from there.
+    #[arg(long, value_name = "SIZE", help_heading = "Large pictures", value_parser = values::bytes)]
+    pub max_memory: Option<u64>,
     /// Number type of the result [default: the background's, if the format has it].
     #[arg(long, value_enum)]
     pub depth: Option<Depth>,

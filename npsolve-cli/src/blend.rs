@@ -15,7 +15,7 @@ use crate::report::{Extras, Seconds};
 use crate::scene::Scene;
 use crate::solve::{Settings, Solution, solve_scene};
 use crate::value_domain::Mapping;
-use crate::{files, problem_layers, signals};
+use crate::{files, large, problem_layers, signals};
 
 /// Default tolerances: 0.02 grey levels RMS are invisible in 8 bits; the other is f32 accuracy.
 pub const TOLERANCE_8_BIT: f32 = 1e-4;
@@ -23,6 +23,9 @@ pub const TOLERANCE: f32 = 1e-6;
 
 /// Runs the command.
 pub fn run(args: &BlendArgs, quiet: bool) -> Result<()> {
+    if let Some(limit) = args.max_memory {
+        return large::run(args, limit, quiet);
+    }
     let kind = args.scene.kind.unwrap_or_else(|| kind::of(&args.background));
     match kind {
         SignalKind::Image => picture(args, quiet),
@@ -42,6 +45,9 @@ fn picture(args: &BlendArgs, quiet: bool) -> Result<()> {
         ..WriteOptions::default()
     };
 
+    if !quiet {
+        large::warn_if_larger_than_memory(args);
+    }
     let start = Instant::now();
     let scene = Scene::read(&args.background, &args.patch, &args.scene)?;
     let like = scene.picture(scene.background.as_planar().to_vec(), true)?;
@@ -163,7 +169,13 @@ fn settings(
 fn all_warnings(scene: &Scene, solution: &Solution, written: Option<&WriteReport>) -> Vec<String> {
     let mut warnings = scene.warnings.clone();
     warnings.extend(solution.report.warnings.iter().cloned());
-    let Some(written) = written else { return warnings };
+    warnings.extend(written.into_iter().flat_map(written_warning));
+    warnings
+}
+
+/// What to say of a file that holds less than the blend.
+pub fn written_warning(written: &WriteReport) -> Vec<String> {
+    let mut warnings = Vec::new();
     let share = written.clipped as f64 / written.samples.max(1) as f64;
     if share > 0.01 {
         warnings.push(format!(

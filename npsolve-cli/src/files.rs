@@ -131,6 +131,14 @@ pub fn in_our_words(error: Error) -> anyhow::Error {
             "{} needs at least {needed} bytes and the limit is {limit}; use a smaller file",
             path.display()
         ),
+        Error::NotByRows { path, what, action: "written" } => {
+            anyhow!("{}: {what}; with --max-memory write .png, .tif, .npy or .pfm", path.display())
+        }
+        Error::NotByRows { path, what, .. } => anyhow!(
+            "{}: {what}; raise --max-memory, or convert it to PNG without interlacing, TIFF, npy in C \
+             order or PFM, which are read by rows",
+            path.display()
+        ),
         other => other.into(),
     }
 }

@@ -16,6 +16,7 @@ mod files;
 mod fit;
 mod inspect;
 mod kind;
+mod large;
 mod layers;
 mod mask;
 mod neural;

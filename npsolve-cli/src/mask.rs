@@ -14,24 +14,39 @@ pub fn from_image(
     patch: &Image,
     warnings: &mut Vec<String>,
 ) -> Result<RasterMask<2>> {
-    let (w, h) = (image.width(), image.height());
-    if (w, h) != (patch.width(), patch.height()) {
+    let [of_mask, of_patch] = [image, patch].map(|i| [i.width(), i.height()]);
+    check_size(of_mask, of_patch, name)?;
+    let weights = weights_of(image, name)?;
+    let faint = weights.iter().filter(|w| is_faint(**w)).count();
+    warnings.extend(faint_warning(faint, weights.len(), name));
+    checked(image, weights, &format!("the mask {name}"))
+}
+
+/// A mask has the patch's size.
+pub fn check_size([w, h]: [usize; 2], patch: [usize; 2], name: &str) -> Result<()> {
+    if [w, h] != patch {
+        let [pw, ph] = patch;
         bail!(
-            "the mask {name} is {w} x {h} pixels and the patch {} x {}; a mask covers the patch \
-             pixel by pixel, so give it the patch's size",
-            patch.width(),
-            patch.height()
+            "the mask {name} is {w} x {h} pixels and the patch {pw} x {ph}; a mask covers the patch \
+             pixel by pixel, so give it the patch's size"
         );
     }
-    let weights = weights_of(image, name)?;
-    let faint = weights.iter().filter(|w| **w > 0.0 && **w < 0.1).count();
-    if faint as f64 > SUSPICIOUS_SHARE * weights.len() as f64 {
-        warnings.push(format!(
+    Ok(())
+}
+
+/// Whether a weight is nearly black but not black.
+pub fn is_faint(weight: f32) -> bool {
+    weight > 0.0 && weight < 0.1
+}
+
+/// What to say of a mask with so many faint weights.
+pub fn faint_warning(faint: usize, all: usize, name: &str) -> Option<String> {
+    (faint as f64 > SUSPICIOUS_SHARE * all as f64).then(|| {
+        format!(
             "{faint} samples of the mask {name} are nearly black but not black, and are blended \
              softly; if it was saved as JPEG, save it as PNG"
-        ));
-    }
-    checked(image, weights, &format!("the mask {name}"))
+        )
+    })
 }
 
 /// Weights from the patch's own alpha.
@@ -56,12 +71,23 @@ pub fn weights_of(image: &Image, name: &str) -> Result<Vec<f32>> {
 }
 
 fn checked(image: &Image, weights: Vec<f32>, what: &str) -> Result<RasterMask<2>> {
-    if let Some(k) = weights.iter().position(|w| !(0.0..=1.0).contains(w)) {
-        let (x, y, value) = (k % image.width(), k / image.width(), weights[k]);
-        bail!("{what} holds {value} at pixel {x},{y}; weights lie between 0 (out) and 1 (in)");
-    }
+    check_range(&weights, image.width(), 0, what)?;
     if weights.iter().all(|w| *w == 0.0) {
-        bail!("{what} is empty: no pixel is to be pasted; paint what to paste white");
+        bail!(empty(what));
     }
     Ok(RasterMask::new(image.domain(), weights)?)
+}
+
+/// Weights of rows from row `first` on lie between 0 and 1.
+pub fn check_range(weights: &[f32], width: usize, first: usize, what: &str) -> Result<()> {
+    if let Some(k) = weights.iter().position(|w| !(0.0..=1.0).contains(w)) {
+        let (x, y, value) = (k % width, first + k / width, weights[k]);
+        bail!("{what} holds {value} at pixel {x},{y}; weights lie between 0 (out) and 1 (in)");
+    }
+    Ok(())
+}
+
+/// What to say of a mask without any weight.
+pub fn empty(what: &str) -> String {
+    format!("{what} is empty: no pixel is to be pasted; paint what to paste white")
 }

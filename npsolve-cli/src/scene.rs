@@ -110,7 +110,8 @@ impl Scene {
             (None, None, Some(alpha)) => mask::from_alpha(alpha, &names[1], &patch)?,
             (None, None, None) => RasterMask::new(patch.domain(), vec![1.0; patch.pixel_count()])?,
         };
-        let offset = place(&background, &patch, args, &names)?;
+        let sizes = [&background, &patch].map(|image| [image.width(), image.height()]);
+        let offset = place(sizes, args, &names)?;
         let networks = [None, None];
         Ok(Self {
             background,
@@ -203,7 +204,7 @@ pub fn samples_of<const C: usize>(image: &Image, first: usize) -> Result<Samples
     Ok(Samples::from_planar(image.domain(), planes.to_vec())?)
 }
 
-fn to_gray(image: &Image, name: &str) -> Result<Image> {
+pub fn to_gray(image: &Image, name: &str) -> Result<Image> {
     image.to_gray().with_context(|| {
         let n = image.channels().len();
         format!("{name} has {n} colour channels; --gray works on 1 or 3, so leave it out")
@@ -235,7 +236,7 @@ fn mapping(
 }
 
 /// Brings both pictures into the encoding to blend in.
-fn match_transfers(
+pub fn match_transfers(
     background: &mut Image,
     patch: &mut Image,
     domain: ValueDomain,
@@ -265,7 +266,7 @@ fn match_transfers(
 }
 
 /// Gives the patch the background's channels.
-fn match_channels(background: &Image, patch: Image, names: &[String; 2]) -> Result<Image> {
+pub fn match_channels(background: &Image, patch: Image, names: &[String; 2]) -> Result<Image> {
     let wanted: Vec<&str> = background.channels().iter().map(String::as_str).collect();
     let (b, p) = (wanted.len(), patch.channels().len());
     if b == p {
@@ -288,14 +289,8 @@ fn match_channels(background: &Image, patch: Image, names: &[String; 2]) -> Resu
     }
 }
 
-/// The offset of the patch, such that it meets the background.
-fn place(
-    background: &Image,
-    patch: &Image,
-    args: &SceneArgs,
-    names: &[String; 2],
-) -> Result<[f32; 2]> {
-    let (b, p) = ([background.width(), background.height()], [patch.width(), patch.height()]);
+/// The offset of the patch, such that it meets the background; from the sizes of both.
+pub fn place([b, p]: [[usize; 2]; 2], args: &SceneArgs, names: &[String; 2]) -> Result<[f32; 2]> {
     let sizes = || {
         let ([bw, bh], [pw, ph]) = (b, p);
         format!("{} is {bw} x {bh} pixels, {} {pw} x {ph}", names[0], names[1])

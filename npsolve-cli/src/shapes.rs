@@ -64,25 +64,8 @@ pub fn mask<const D: usize>(
     units: &impl Units<D>,
 ) -> Result<RasterMask<D>> {
     let weights = match shape {
-        Shape::Box(min, max) => {
-            let (a, b) = (units.position(min)?, units.position(max)?);
-            check_count::<D>(min, a.len())?;
-            let ends: Vec<[f64; 2]> =
-                a.iter().zip(&b).map(|(a, b)| [a.min(*b), a.max(*b)]).collect();
-            // Half open: the sample at the upper end is out; 1e-4 samples are rounding of units.
-            weights(domain, |i| {
-                ends.iter().zip(i).all(|([a, b], i)| (*a..*b).contains(&(i as f64 + 1e-4)))
-            })
-        }
-        Shape::Ellipsoid(center, radii) => {
-            let (center_at, radii_of) = (units.position(center)?, units.lengths(radii)?);
-            check_count::<D>(center, center_at.len())?;
-            weights(domain, |i| {
-                let part = |(d, (c, r)): (usize, (&f64, &f64))| ((i[d] as f64 - c) / r).powi(2);
-                center_at.iter().zip(&radii_of).enumerate().map(part).sum::<f64>() < 1.0
-            })
-        }
         Shape::Mesh(file) => units.inside_mesh(file)?,
+        _ => weights(domain, inside(shape, units)?),
     };
     if weights.iter().all(|w| *w == 0.0) {
         bail!(
@@ -91,6 +74,37 @@ pub fn mask<const D: usize>(
         );
     }
     Ok(RasterMask::new(domain, weights)?)
+}
+
+/// Which samples lie in a box or an ellipsoid.
+///
+/// # Errors
+/// For meshes, which have no answer sample by sample, and for coordinates that do not fit.
+pub fn inside<const D: usize>(
+    shape: &Shape,
+    units: &impl Units<D>,
+) -> Result<Box<dyn Fn([usize; D]) -> bool + Send + Sync>> {
+    Ok(match shape {
+        Shape::Box(min, max) => {
+            let (a, b) = (units.position(min)?, units.position(max)?);
+            check_count::<D>(min, a.len())?;
+            let ends: Vec<[f64; 2]> =
+                a.iter().zip(&b).map(|(a, b)| [a.min(*b), a.max(*b)]).collect();
+            // Half open: the sample at the upper end is out; 1e-4 samples are rounding of units.
+            Box::new(move |i| {
+                ends.iter().zip(i).all(|([a, b], i)| (*a..*b).contains(&(i as f64 + 1e-4)))
+            })
+        }
+        Shape::Ellipsoid(center, radii) => {
+            let (center_at, radii_of) = (units.position(center)?, units.lengths(radii)?);
+            check_count::<D>(center, center_at.len())?;
+            Box::new(move |i| {
+                let part = |(d, (c, r)): (usize, (&f64, &f64))| ((i[d] as f64 - c) / r).powi(2);
+                center_at.iter().zip(&radii_of).enumerate().map(part).sum::<f64>() < 1.0
+            })
+        }
+        Shape::Mesh(file) => bail!("{file} is a mesh; write box: or ellipsoid:, or take --mask"),
+    })
 }
 
 fn weights<const D: usize>(domain: Domain<D>, inside: impl Fn([usize; D]) -> bool) -> Vec<f32> {

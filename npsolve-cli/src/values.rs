@@ -174,6 +174,24 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     parsed.ok_or_else(|| "write a time above 0: 2s, 500ms, 2m; a number is seconds".to_owned())
 }
 
+/// Parses an amount of memory: a number of bytes, or one with a unit. K, M and G are powers of 1024, as are KiB, MiB and
+/// GiB; KB, MB and GB are powers of 1000.
+pub fn bytes(text: &str) -> Result<u64, String> {
+    let units = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("K", 10), ("M", 20), ("G", 30)]
+        .map(|(unit, bits)| (unit, f64::from(1u32 << bits)));
+    let others = [("KB", 1e3), ("MB", 1e6), ("GB", 1e9), ("B", 1.0), ("", 1.0)];
+    let parsed = units.iter().chain(&others).find_map(|(unit, factor)| {
+        let at = text.len().checked_sub(unit.len())?;
+        let (count, end) = text.split_at_checked(at)?;
+        let count: f64 =
+            if end.eq_ignore_ascii_case(unit) { count.trim().parse().ok()? } else { None? };
+        let bytes = count * factor;
+        (bytes >= 1.0 && bytes < 2f64.powi(60)).then_some(bytes as u64)
+    });
+    parsed
+        .ok_or_else(|| "write an amount of memory: 4G, 500M, 1.5GiB; a number is bytes".to_owned())
+}
+
 /// Parses a level in dB.
 pub fn decibel(text: &str) -> Result<f64, String> {
     let value = text.trim().parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite());

@@ -80,6 +80,14 @@ impl Default for BlockOptions {
     }
 }
 
+impl BlockOptions {
+    /// The least [`BlockOptions::max_memory`] for a background of this shape with so many channels, wherever the
+    /// region lies.
+    pub fn least_memory<const D: usize>(&self, shape: [usize; D], channels: usize) -> u64 {
+        survey::least_memory(channels, shape, self.whole_rows)
+    }
+}
+
 /// What a blend in blocks is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BlockStage {
@@ -187,8 +195,7 @@ pub fn solve_in_blocks<const D: usize, const C: usize>(
             && let Some(coarse) = &boxed.coarse
         {
             let mut tell = |block| tell(BlockStage::Correction, block);
-            let correction =
-                Correction::solve(problem, &boxed, coarse, &blocks, &file, &mut tell)?;
+            let correction = Correction::solve(problem, &boxed, coarse, &blocks, &file, &mut tell)?;
             largest = correction.add(&boxed, &blocks, &mut file)?;
         }
         for block in file.block..blocks.len() {
@@ -223,7 +230,17 @@ impl<const D: usize> Boxed<D> {
     fn bare(start: [usize; D], shape: [usize; D]) -> Self {
         let frame = Frame { shape, ends: [[End::Mirror; 2]; D] };
         let (length, keep, measure) = (1.0, None, 0.0);
-        Self { start, frame, length, keep, measure, means: Vec::new(), side: 0, slab: 0, coarse: None }
+        Self {
+            start,
+            frame,
+            length,
+            keep,
+            measure,
+            means: Vec::new(),
+            side: 0,
+            slab: 0,
+            coarse: None,
+        }
     }
 
     /// The blocks, without overlap, axis 0 fastest.

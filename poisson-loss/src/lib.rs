@@ -119,8 +119,8 @@ mod tile;
 
 pub use baselines::{Baseline, solve_baseline};
 pub use blocks::{
-    BlockOptions, BlockProblem, BlockProgress, BlockReport, BlockSink, BlockSource, BlockStage, PlaneFile,
-    solve_in_blocks,
+    BlockOptions, BlockProblem, BlockProgress, BlockReport, BlockSink, BlockSource, BlockStage,
+    PlaneFile, solve_in_blocks,
 };
 pub use error::{Error, Result};
 pub use exact::{Blend, Report, solve, solve_with_progress};

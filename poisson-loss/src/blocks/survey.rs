@@ -93,39 +93,70 @@ pub fn survey<const D: usize, const C: usize>(
         slab: 0,
         coarse: None,
     };
-    sizes::<D, C>(&mut boxed, options.max_memory)?;
-    if options.whole_rows {
-        boxed.slab = slab::<D, C>(domain.shape(), options.max_memory)?;
-    }
+    sizes::<D, C>(&mut boxed, domain.shape(), options)?;
     if keep.is_none() {
         boxed.means = means(problem, &boxed, &support)?;
     }
     Ok(boxed)
 }
 
-/// Side of the blocks and the coarse lattice.
-fn sizes<const D: usize, const C: usize>(boxed: &mut Boxed<D>, memory: u64) -> Result<()> {
-    let longest = *boxed.frame.shape.iter().max().expect("a dimension at least");
-    let around = 2 * (OVERLAP + HALO);
-    let bytes = |side: usize| {
-        let wide = boxed.frame.shape.iter().map(|n| (side + around).min(*n) as f64);
-        wide.product::<f64>() * block_bytes(C) / SHARES.0
-    };
-    let given = memory as f64;
-    let fits = |side: usize| bytes(side) <= given;
-    if fits(longest) {
-        boxed.side = longest;
+/// Bytes that blocks of this side take.
+fn bytes_of<const D: usize>(side: usize, channels: usize, shape: [usize; D]) -> f64 {
+    let wide = shape.map(|n| (side + 2 * (OVERLAP + HALO)).min(n) as f64);
+    wide.iter().product::<f64>() * block_bytes(channels) / SHARES.0
+}
+
+/// Bytes that a slab of so many rows takes.
+fn slab_bytes<const D: usize>(rows: usize, channels: usize, shape: [usize; D]) -> f64 {
+    let row: f64 = shape[..D - 1].iter().map(|n| *n as f64).product();
+    row * (rows + 2 * HALO).min(shape[D - 1]) as f64 * block_bytes(channels) / SHARES.0
+}
+
+/// The least memory for a background of this shape.
+pub fn least_memory<const D: usize>(channels: usize, shape: [usize; D], whole_rows: bool) -> u64 {
+    let blocks = bytes_of(LEAST_SIDE, channels, shape);
+    let rows = if whole_rows { slab_bytes(LEAST_SLAB, channels, shape) } else { 0.0 };
+    blocks.max(rows).ceil() as u64
+}
+
+/// The largest number from `least` to `most` for which `fits` holds; it does for the least.
+fn largest(least: usize, most: usize, fits: impl Fn(usize) -> bool) -> usize {
+    if fits(most) {
+        return most;
+    }
+    let (mut good, mut too_large) = (least, most);
+    while too_large - good > 1 {
+        let middle = good.midpoint(too_large);
+        *(if fits(middle) { &mut good } else { &mut too_large }) = middle;
+    }
+    good
+}
+
+/// Side of the blocks, rows of the slabs, and the coarse lattice.
+fn sizes<const D: usize, const C: usize>(
+    boxed: &mut Boxed<D>,
+    whole: [usize; D],
+    options: &BlockOptions,
+) -> Result<()> {
+    let (given, shape) = (options.max_memory as f64, boxed.frame.shape);
+    let needed = least_memory(C, shape, false).max(match options.whole_rows {
+        true => least_memory(C, whole, true),
+        false => 0,
+    });
+    if needed > options.max_memory {
+        return Err(Error::Memory { needed, given: options.max_memory });
+    }
+    if options.whole_rows {
+        let rows = whole[D - 1];
+        boxed.slab =
+            largest(LEAST_SLAB.min(rows), rows, |rows| slab_bytes(rows, C, whole) <= given);
+    }
+    let longest = *shape.iter().max().expect("a dimension at least");
+    boxed.side =
+        largest(LEAST_SIDE.min(longest), longest, |side| bytes_of(side, C, shape) <= given);
+    if boxed.side == longest {
         return Ok(());
     }
-    if !fits(LEAST_SIDE) {
-        return Err(Error::Memory { needed: bytes(LEAST_SIDE) as u64, given: memory });
-    }
-    let (mut side, mut too_large) = (LEAST_SIDE, longest);
-    while too_large - side > 1 {
-        let middle = side.midpoint(too_large);
-        *(if fits(middle) { &mut side } else { &mut too_large }) = middle;
-    }
-    boxed.side = side;
     let mut step = LEAST_STEP;
     let lattice = |step: usize| Coarse::new(boxed.frame, step);
     while lattice(step).frame.len() as f64 * coarse_bytes(C) / SHARES.1 > given {
@@ -133,21 +164,6 @@ fn sizes<const D: usize, const C: usize>(boxed: &mut Boxed<D>, memory: u64) -> R
     }
     boxed.coarse = Some(lattice(step));
     Ok(())
-}
-
-/// Rows of the slabs in which the result is written.
-fn slab<const D: usize, const C: usize>(shape: [usize; D], memory: u64) -> Result<usize> {
-    let row: f64 = shape[..D - 1].iter().map(|n| *n as f64).product();
-    let (rows, all) = (memory as f64 * SHARES.0 / (row * block_bytes(C)), shape[D - 1]);
-    let least = (LEAST_SLAB + 2 * HALO).min(all);
-    match rows as usize {
-        rows if rows >= all => Ok(all),
-        rows if rows >= least => Ok((rows - 2 * HALO).max(1)),
-        _ => {
-            let needed = least as f64 * row * block_bytes(C) / SHARES.0;
-            Err(Error::Memory { needed: needed as u64 + 1, given: memory })
-        }
-    }
 }
 
 /// The region's bounds and measure, and the default length, from a mask of reduced resolution.
