@@ -1,0 +1,3 @@
+#![no_main]
+
+npsolve_fuzz::target!("audio_mp3");

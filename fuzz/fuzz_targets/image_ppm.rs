@@ -1,0 +1,3 @@
+#![no_main]
+
+npsolve_fuzz::target!("image_ppm");
