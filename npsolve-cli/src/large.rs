@@ -116,7 +116,7 @@ pub fn run(args: &BlendArgs, limit: u64, quiet: bool) -> Result<()> {
     let mut sink = RowSink::new(&args.output, info, write_options, background.alpha_file()?);
     let mut pace = Pace::new(block_options.tolerance);
     let (mut solving, mut writing) = (Progress::new(quiet), Progress::of("writing", quiet));
-    let mut done = 0;
+    let mut begun = false;
     let job = Job {
         background: &background.color_file()?,
         patch: &patch.color_file()?,
@@ -127,7 +127,7 @@ pub fn run(args: &BlendArgs, limit: u64, quiet: bool) -> Result<()> {
         state: &state,
         sink: &mut sink,
         progress: &mut |at: &BlockProgress| {
-            done += usize::from(at.stage == BlockStage::Blocks);
+            begun = true;
             match at.stage {
                 BlockStage::Result => writing.update(at.block as f32 / at.blocks as f32),
                 _ => solving.update_with(pace.share(at), || pace.note(at)),
@@ -142,7 +142,7 @@ pub fn run(args: &BlendArgs, limit: u64, quiet: bool) -> Result<()> {
         Ok(report) => report,
         Err(error) => {
             let keeps = matches!(error, Error::Stopped | Error::Storage { .. });
-            scratch.keep_state = keeps && done > 0 && state.exists();
+            scratch.keep_state = keeps && begun && state.exists();
             return Err(failure(
                 error,
                 &mut sink,

@@ -238,6 +238,24 @@ mod tests {
     use super::*;
 
     #[test]
+    fn amounts_of_memory_have_units() {
+        for (text, expected) in [
+            ("4G", 4 << 30),
+            ("1.5GiB", 3 << 29),
+            ("500m", 500 << 20),
+            ("64 MB", 64_000_000),
+            ("3kb", 3000),
+            ("4096", 4096),
+            ("7B", 7),
+        ] {
+            assert_eq!(bytes(text), Ok(expected), "{text}");
+        }
+        for text in ["", "G", "-1G", "0", "nan", "inf", "4T", "4 Gi", "1e30G", "\u{20ac}G"] {
+            assert!(bytes(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
     fn guidance_names_round_trip() {
         for name in KNOWN_GUIDANCE.replace("mix:MU,PHI", "mix:0.5,-2").split(", ") {
             assert_eq!(guidance(name).unwrap().to_string(), name);

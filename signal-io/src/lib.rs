@@ -58,6 +58,9 @@
 //!
 //! *Orientation.* That of EXIF (JPEG, PNG, WebP), TIFF and Radiance is applied when reading.
 //!
+//! *Larger than memory.* [`RowReader`] and [`RowWriter`] take PNG, TIFF, npy and PFM some rows at a time, with the
+//! same values, conversions and reports.
+//!
 //! # Sound
 //! An [`Audio`] has one plane of `f32` per channel and a sampling rate; 1 is full scale.
 //!

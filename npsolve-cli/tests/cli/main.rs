@@ -9,6 +9,7 @@ mod field_errors;
 mod fit;
 mod fit_signals;
 mod inspect;
+mod large;
 mod layers;
 mod neural;
 mod render;
