@@ -19,7 +19,7 @@ pub struct Pair<const D: usize, const C: usize> {
 
 /// Least and most samples per axis: what keeps a few dozen solves within seconds.
 fn sizes(dims: usize) -> [usize; 2] {
-    [[45, 90], [20, 40], [8, 16], [6, 8], [5, 6]][dims - 1]
+    [[45, 90], [20, 40], [8, 16], [6, 8], [4, 5]][dims - 1]
 }
 
 impl<const D: usize, const C: usize> Pair<D, C> {
