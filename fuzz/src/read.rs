@@ -60,11 +60,13 @@ pub fn read(reader: &str, bytes: &[u8]) -> bool {
             let _ = mesh.to_region();
             true
         }),
-        _ => Description::from_bytes(bytes).is_ok_and(|about| match [about.dimensions, about.channels] {
-            [1, 1] => Checkpoint::<1, 1>::from_bytes(bytes).is_ok(),
-            [2, 3] => Checkpoint::<2, 3>::from_bytes(bytes).is_ok(),
-            [3, 1] => Checkpoint::<3, 1>::from_bytes(bytes).is_ok(),
-            _ => true,
+        _ => Description::from_bytes(bytes).is_ok_and(|about| {
+            match [about.dimensions, about.channels] {
+                [1, 1] => Checkpoint::<1, 1>::from_bytes(bytes).is_ok(),
+                [2, 3] => Checkpoint::<2, 3>::from_bytes(bytes).is_ok(),
+                [3, 1] => Checkpoint::<3, 1>::from_bytes(bytes).is_ok(),
+                _ => true,
+            }
         }),
     }
 }

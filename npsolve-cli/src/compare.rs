@@ -14,6 +14,7 @@ use anyhow::{Result, bail};
 use signal_io::WriteOptions;
 
 use crate::args::CompareArgs;
+use crate::channels::{Axes, Channels};
 use crate::progress::Progress;
 use crate::{console, files, kind};
 
@@ -43,7 +44,9 @@ trait Visitor {
     type Output;
 
     /// Compares.
-    fn visit<const D: usize>(self, case: Case<'_, D>, shown: &dyn Shown) -> Result<Self::Output>;
+    fn visit<const D: usize>(self, case: Case<'_, D>, shown: &dyn Shown) -> Result<Self::Output>
+    where
+        Axes<D>: Channels;
 }
 
 /// How results of a kind of signal are shown and kept.
@@ -75,7 +78,10 @@ struct One<'a> {
 impl Visitor for One<'_> {
     type Output = ();
 
-    fn visit<const D: usize>(self, case: Case<'_, D>, shown: &dyn Shown) -> Result<()> {
+    fn visit<const D: usize>(self, case: Case<'_, D>, shown: &dyn Shown) -> Result<()>
+    where
+        Axes<D>: Channels,
+    {
         let Self { args, quiet } = self;
         let targets = args.output.as_ref().map(|folder| Targets::new(folder, &case, shown));
         if let Some(targets) = &targets {

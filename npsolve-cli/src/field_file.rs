@@ -77,7 +77,7 @@ impl FieldFile {
             Self::Picture(image) => Ok(image),
             Self::Network { bytes, about } => {
                 let job = Sampled { path, bytes: &bytes };
-                let planes = with_channels(about.channels, job)
+                let planes = with_channels::<2, _>(about.channels, job)
                     .ok_or_else(|| anyhow!("{} has no channels", path.display()))??;
                 kind.picture([about.shape[0], about.shape[1]], planes)
             }

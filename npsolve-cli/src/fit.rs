@@ -18,7 +18,7 @@ pub use file::{FINISHED, RECIPE};
 pub use report::size as bytes_in_words;
 
 use crate::args::FitArgs;
-use crate::channels::{self, ChannelJob, with_channels};
+use crate::channels::{self, Axes, ChannelJob, Channels, with_channels};
 use crate::kind::SignalKind;
 use crate::outcome::size;
 use crate::picture_kind::PictureKind;
@@ -74,7 +74,10 @@ fn fit_signal<S: signals::Signal<D>, const D: usize>(
     signal: &S,
     args: &FitArgs,
     quiet: bool,
-) -> Result<()> {
+) -> Result<()>
+where
+    Axes<D>: Channels,
+{
     let plain = signal.plain()?;
     signals::check_finite(&plain, &args.signal.display().to_string())?;
     let signal = Signal {
@@ -87,13 +90,14 @@ fn fit_signal<S: signals::Signal<D>, const D: usize>(
     fit_channels(args, &signal, quiet)
 }
 
-fn fit_channels<const D: usize>(args: &FitArgs, signal: &Signal<'_, D>, quiet: bool) -> Result<()> {
-    let (n, most) = (signal.values.len() / signal.domain.len(), channels::MOST);
-    with_channels(n, Job { args, signal, quiet }).unwrap_or_else(|| {
-        bail!(
-            "{} has {n} channels, a field 1 to {most}; choose some of them",
-            args.signal.display()
-        )
+fn fit_channels<const D: usize>(args: &FitArgs, signal: &Signal<'_, D>, quiet: bool) -> Result<()>
+where
+    Axes<D>: Channels,
+{
+    let n = signal.values.len() / signal.domain.len();
+    with_channels::<D, _>(n, Job { args, signal, quiet }).unwrap_or_else(|| {
+        let (file, counts) = (args.signal.display(), channels::in_words::<D>());
+        bail!("{file} has {n} channels, a field of this kind {counts}; choose some of them")
     })
 }
 

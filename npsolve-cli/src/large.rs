@@ -135,7 +135,7 @@ pub fn run(args: &BlendArgs, limit: u64, quiet: bool) -> Result<()> {
             !stop.is_asked_for()
         },
     };
-    let report = with_channels(channels, job)
+    let report = with_channels::<2, _>(channels, job)
         .ok_or_else(|| anyhow!("{} has no channels to blend", names[0]))?;
     drop((solving, writing));
     let report = match report {

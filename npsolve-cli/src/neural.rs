@@ -72,7 +72,7 @@ pub fn solve_scene(
     quiet: bool,
 ) -> Result<NeuralSolution> {
     let (n, most) = (scene.channels(), channels::MOST);
-    with_channels(n, Job { args, scene, settings, wanted, quiet }).unwrap_or_else(|| {
+    with_channels::<2, _>(n, Job { args, scene, settings, wanted, quiet }).unwrap_or_else(|| {
         bail!("{} has {n} channels, a network 1 to {most}; use --field spline", scene.names[0])
     })
 }

@@ -55,7 +55,7 @@ pub fn add(
     let mut vectors: Vec<[Vec<f32>; 4]> = Vec::new();
     for first in (0..count).step_by(channels::MOST) {
         let job = Vectors { scene, settings, planes, first };
-        let part = with_channels(channels::MOST.min(count - first), job);
+        let part = with_channels::<2, _>(channels::MOST.min(count - first), job);
         vectors.extend(part.transpose()?.unwrap_or_default());
     }
     for layer in wanted {

@@ -187,7 +187,7 @@ fn planes(
         let size = channels::MOST.min(count - first);
         let mut share = |s: f32| progress((first as f32 + s * size as f32) / count as f32);
         let job = Group { path, field, first, lattice, wanted, progress: &mut share };
-        let part = with_channels(size, job).with_context(|| {
+        let part = with_channels::<2, _>(size, job).with_context(|| {
             format!("{} has no channels; choose another file", path.display())
         })??;
         all.values.extend(part.values);

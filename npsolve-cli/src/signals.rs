@@ -16,6 +16,7 @@ use signal_io::{Image, ReadOptions, SampleType};
 
 use crate::args::{BlendArgs, SceneArgs, ValueDomain};
 use crate::blend::{TOLERANCE, check_metrics};
+use crate::channels::{Axes, Channels};
 use crate::field_file::is_network_name;
 use crate::kind::SignalKind;
 use crate::progress::Progress;
@@ -168,7 +169,10 @@ impl<const D: usize> Job<D> {
     }
 
     /// Solves it; the planes are in stored values again.
-    pub fn solve(&self, settings: &Settings, with_metrics: bool, quiet: bool) -> Result<Solution> {
+    pub fn solve(&self, settings: &Settings, with_metrics: bool, quiet: bool) -> Result<Solution>
+    where
+        Axes<D>: Channels,
+    {
         let region = self.region();
         let mut progress = Progress::new(quiet);
         let update = &mut |share| progress.update(share);
@@ -178,7 +182,10 @@ impl<const D: usize> Job<D> {
     }
 
     /// What a plain copy looks like: the patch's values in the region, the background's elsewhere.
-    pub fn paste(&self, settings: &Settings) -> Result<Vec<f32>> {
+    pub fn paste(&self, settings: &Settings) -> Result<Vec<f32>>
+    where
+        Axes<D>: Channels,
+    {
         let region = self.region();
         let mut planes = self.setup(&region).baseline(settings, Baseline::Paste)?;
         self.to_stored(&mut planes);

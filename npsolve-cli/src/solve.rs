@@ -9,7 +9,7 @@ use poisson_loss::{
     solve_with_progress,
 };
 
-use crate::channels::{self, ChannelJob, with_channels};
+use crate::channels::{self, Axes, ChannelJob, Channels, with_channels};
 use crate::scene::Scene;
 use crate::values::GuidanceName;
 
@@ -86,29 +86,34 @@ impl<const D: usize> Setup<'_, D> {
             options: settings.options,
         }
     }
+}
 
-    /// Blends all channels, in groups of at most [`channels::MOST`].
+impl<const D: usize> Setup<'_, D>
+where
+    Axes<D>: Channels,
+{
+    /// Blends all channels, in the groups that there is code for.
     pub fn solve(
         &self,
         settings: &Settings,
         with_metrics: bool,
         progress: &mut (dyn FnMut(f32) + Send),
     ) -> Result<Solution> {
-        let (count, most) = (self.background.channels(), channels::most(D));
-        if count > most && !settings.guidance.is_per_channel() {
+        let count = self.background.channels();
+        if !channels::is_one_group::<D>(count) && !settings.guidance.is_per_channel() {
             bail!(
                 "{} has {count} channels, and --guidance {} looks at all of them together, which works \
-                 up to {most}; take strongest:channel, patch, sum or mix:MU,PHI",
+                 with {}; take strongest:channel, patch, sum or mix:MU,PHI",
                 self.names[0],
                 settings.guidance,
+                channels::in_words::<D>(),
             );
         }
         let mut parts = Vec::new();
-        for first in (0..count).step_by(most) {
-            let size = most.min(count - first);
+        for [first, size] in channels::groups::<D>(count) {
             let mut share = |s: f32| progress((first as f32 + s * size as f32) / count as f32);
             let job = Group { setup: self, settings, first, with_metrics, progress: &mut share };
-            let part = with_channels(size, job)
+            let part = with_channels::<D, _>(size, job)
                 .ok_or_else(|| anyhow!("{} has no channels to blend", self.names[0]))??;
             parts.push((size, part));
         }
@@ -125,14 +130,16 @@ impl<const D: usize> Setup<'_, D> {
     }
 }
 
-impl<const D: usize> Setup<'_, D> {
+impl<const D: usize> Setup<'_, D>
+where
+    Axes<D>: Channels,
+{
     /// What another method makes of it, without its report.
     pub fn baseline(&self, settings: &Settings, method: Baseline) -> Result<Vec<f32>> {
-        let (count, most) = (self.background.channels(), channels::most(D));
         let mut planes = Vec::new();
-        for first in (0..count).step_by(most) {
+        for [first, size] in channels::groups::<D>(self.background.channels()) {
             let job = Classical { setup: self, settings, first, method };
-            let part = with_channels(most.min(count - first), job)
+            let part = with_channels::<D, _>(size, job)
                 .ok_or_else(|| anyhow!("{} has no channels to blend", self.names[0]))??;
             planes.extend(part);
         }

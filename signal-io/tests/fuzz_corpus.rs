@@ -20,7 +20,12 @@ fn seeds_are_files_of_their_formats() {
         for path in seeds {
             let needs_feature = ["audio_flac", "audio_ogg", "audio_mp3"].contains(&reader);
             let expected = cfg!(feature = "compressed-audio") || !needs_feature;
-            assert_eq!(read::read(reader, &fs::read(&path).unwrap()), expected, "{}", path.display());
+            assert_eq!(
+                read::read(reader, &fs::read(&path).unwrap()),
+                expected,
+                "{}",
+                path.display()
+            );
         }
     }
 }

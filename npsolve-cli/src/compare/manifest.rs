@@ -8,6 +8,7 @@ use anyhow::{Result, anyhow, bail};
 use signal_io::WriteOptions;
 
 use crate::args::{CompareArgs, SceneArgs};
+use crate::channels::{Axes, Channels};
 use crate::values::GuidanceName;
 use crate::{console, files};
 
@@ -141,7 +142,10 @@ struct OfMany<'a> {
 impl Visitor for OfMany<'_> {
     type Output = Table;
 
-    fn visit<const D: usize>(self, mut case: Case<'_, D>, shown: &dyn Shown) -> Result<Table> {
+    fn visit<const D: usize>(self, mut case: Case<'_, D>, shown: &dyn Shown) -> Result<Table>
+    where
+        Axes<D>: Channels,
+    {
         case.name = self.name.to_owned();
         case.guidance = self.guidance;
         let rows = case.run(&mut |_| {})?;

@@ -10,7 +10,7 @@ use poisson_loss::{
 };
 
 use crate::args::{CompareArgs, DEFAULT_LAMBDA};
-use crate::channels::{self, ChannelJob, with_channels};
+use crate::channels::{self, Axes, ChannelJob, Channels, with_channels};
 use crate::solve::{Planes, Settings, Setup, explain};
 use crate::values::GuidanceName;
 
@@ -128,16 +128,19 @@ impl<'a, const D: usize> Case<'a, D> {
         }
         all
     }
+}
 
+impl<const D: usize> Case<'_, D>
+where
+    Axes<D>: Channels,
+{
     /// Runs and measures all methods. A method that fails becomes a row that says why; without our
     /// own solution there is nothing to compare with.
     pub fn run(&self, progress: &mut (dyn FnMut(f32) + Send)) -> Result<Vec<Row>> {
         let n = self.setup.background.channels();
-        with_channels(n, Comparison { case: self, progress }).ok_or_else(|| {
-            let (name, most) = (&self.setup.names[0], channels::MOST);
-            anyhow!(
-                "{name} has {n} channels; compare works with 1 to {most}, so use blend --metrics"
-            )
+        with_channels::<D, _>(n, Comparison { case: self, progress }).ok_or_else(|| {
+            let (name, counts) = (&self.setup.names[0], channels::in_words::<D>());
+            anyhow!("{name} has {n} channels; compare works with {counts}, so use blend --metrics")
         })?
     }
 }
@@ -151,7 +154,10 @@ struct Comparison<'a, const D: usize> {
     progress: &'a mut (dyn FnMut(f32) + Send),
 }
 
-impl<const D: usize> ChannelJob for Comparison<'_, D> {
+impl<const D: usize> ChannelJob for Comparison<'_, D>
+where
+    Axes<D>: Channels,
+{
     type Output = Result<Vec<Row>>;
 
     fn run<const C: usize>(self) -> Result<Vec<Row>> {
@@ -180,7 +186,10 @@ impl<const D: usize> ChannelJob for Comparison<'_, D> {
 /// Samples with the time they took and the solver's report, where there are these.
 type Outcome<const D: usize, const C: usize> = Result<(Samples<D, C>, Option<f64>, Option<Report>)>;
 
-impl<const D: usize> Case<'_, D> {
+impl<const D: usize> Case<'_, D>
+where
+    Axes<D>: Channels,
+{
     fn solve<const C: usize>(&self, problem: &Problem<'_, D, C>, method: &Method) -> Outcome<D, C> {
         let start = Instant::now();
         let blend = match method.kind {

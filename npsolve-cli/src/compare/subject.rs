@@ -7,6 +7,7 @@ use inr_core::Region;
 use signal_io::{Image, SampleType, WriteOptions};
 
 use crate::args::{CompareArgs, ObjectiveName, SceneArgs};
+use crate::channels::{Axes, Channels};
 use crate::files;
 use crate::kind::SignalKind;
 use crate::scene;
@@ -85,7 +86,10 @@ impl Subject<'_> {
         scene: &signals::Scene<S, D>,
         settings: Settings,
         visitor: V,
-    ) -> Result<V::Output> {
+    ) -> Result<V::Output>
+    where
+        Axes<D>: Channels,
+    {
         if let Some(other) = self.args.other.first() {
             bail!("--other is for pictures; {} cannot take part", other.display());
         }

@@ -8,6 +8,7 @@ use inr_core::{Domain, Samples, Spline};
 use serde_json::json;
 
 use crate::args::RenderArgs;
+use crate::channels::{Axes, Channels};
 use crate::kind::SignalKind;
 use crate::outcome::size;
 use crate::signals::{Signal, audio, field, light_field, video, volume};
@@ -75,7 +76,10 @@ fn write<S: Signal<D>, const D: usize>(
     args: &RenderArgs,
     output: &Path,
     quiet: bool,
-) -> Result<()> {
+) -> Result<()>
+where
+    Axes<D>: Channels,
+{
     let start = Instant::now();
     let signal = match args.scale {
         Some(scale) => at_scale(signal, scale, axes, &args.field)?,
@@ -103,7 +107,10 @@ fn at_scale<S: Signal<D>, const D: usize>(
     scale: f32,
     axes: [bool; D],
     path: &Path,
-) -> Result<S> {
+) -> Result<S>
+where
+    Axes<D>: Channels,
+{
     let lattice = |own: &Domain<D>| -> Result<Domain<D>> {
         let samples = |d: usize| (own.shape()[d] as f32 * scale).round().max(1.0) as usize;
         let shape = std::array::from_fn(|d| if axes[d] { samples(d) } else { own.shape()[d] });

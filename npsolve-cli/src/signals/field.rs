@@ -7,7 +7,7 @@ use anyhow::{Result, anyhow, bail};
 use inr_core::{Description, Domain};
 
 use super::Signal;
-use crate::channels::{ChannelJob, with_channels};
+use crate::channels::{Axes, ChannelJob, Channels, with_channels};
 use crate::kind::SignalKind;
 use crate::{field_file, files, neural};
 
@@ -40,7 +40,10 @@ pub fn kind(about: &Description) -> SignalKind {
 pub fn read<S: Signal<D>, const D: usize>(
     path: &Path,
     lattice: impl Fn(&Domain<D>) -> Result<Domain<D>>,
-) -> Result<S> {
+) -> Result<S>
+where
+    Axes<D>: Channels,
+{
     let bytes = files::read_bytes(path)?;
     let about = field_file::describe(path, &bytes)?;
     if about.dimensions != D {
@@ -51,7 +54,7 @@ pub fn read<S: Signal<D>, const D: usize>(
         );
     }
     let job = Sampled { path, bytes: &bytes, lattice: &lattice };
-    let (domain, values) = with_channels(about.channels, job)
+    let (domain, values) = with_channels::<D, _>(about.channels, job)
         .ok_or_else(|| anyhow!("{} has {} channels", path.display(), about.channels))??;
     S::from_values(&about.notes, domain, about.channels, values)
 }
