@@ -23,9 +23,12 @@ struct Lattice<const D: usize> {
 }
 
 impl<const D: usize> Lattice<D> {
-    /// Wide along all of up to three axes, and along the first and the last of more.
+    /// Wide along all of up to three axes, along the first and the last of four, and along the middle one of five.
     fn new(n: usize) -> Self {
-        Self { n, wide: std::array::from_fn(|d| D < 4 || d == 0 || d + 1 == D) }
+        Self {
+            n,
+            wide: std::array::from_fn(|d| D < 4 || (D == 4 && d % 3 == 0) || (D == 5 && d == 2)),
+        }
     }
 
     fn domain(&self) -> Domain<D> {
@@ -108,7 +111,7 @@ const REFINEMENT: f64 = 0.2 / 255.0;
 /// The screened blend is a property of the signals; the paper's depends on the sampling density
 /// and drifts, at the same physical balance of its two terms (`lambda h^-2`).
 fn refinement_changes_little<const D: usize>() {
-    let n = [64, 64, 32, 16, 16][D - 1];
+    let n = [64, 64, 32, 16, 64][D - 1];
     let screened = change::<D>(n, |_| Objective::Screened { length: Some(LENGTH), keep: None });
     let paper =
         change::<D>(n, |m| Objective::Paper { lambda: 2.0 * (n as f32 / m as f32).powi(2) });
