@@ -71,8 +71,8 @@ pub trait Signal<const D: usize>: Sized {
     /// What the names of files end in that hold such signals.
     fn ending(&self) -> &'static str;
 
-    /// A picture of it through a sample.
-    fn picture(&self, at: [usize; D]) -> Result<Image>;
+    /// A picture of it through a sample; what is black and white is that of `like`.
+    fn picture(&self, at: [usize; D], like: &Self) -> Result<Image>;
 
     /// What a network's file has to say so that the signal can be made of its values again.
     fn notes(&self) -> Notes;

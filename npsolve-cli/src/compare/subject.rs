@@ -159,7 +159,8 @@ impl<S: Signal<D>, const D: usize> Shown for Whole<'_, S, D> {
     }
 
     fn view(&self, planes: &[f32]) -> Result<Canvas> {
-        Canvas::from_image(&self.result(planes)?.picture(self.scene.job.middle())?)
+        let background = &self.scene.background;
+        Canvas::from_image(&self.result(planes)?.picture(self.scene.job.middle(), background)?)
     }
 
     fn save(&self, planes: &[f32], path: &Path, force: bool) -> Result<()> {

@@ -28,20 +28,20 @@ pub fn picture(path: &Path, slice: Option<Slice>) -> Result<Image> {
             let [x, y, z] = volume.views(at, window(&volume))?;
             colors([x, y, z][axis].clone())?
         }
-        None => sheet(&volume, at)?,
+        None => sheet(&volume, at, window(&volume))?,
     };
     (picture.sample, picture.transfer) = (SampleType::U8, Transfer::Srgb);
     Ok(picture)
 }
 
-/// The three slices through a voxel: across z, y and x.
-pub fn sheet(volume: &Volume, at: [usize; 3]) -> Result<Image> {
-    let [x, y, z] = volume.views(at, window(volume))?;
+/// The three slices through a voxel: across z, y and x; the window's ends become black and white.
+pub fn sheet(volume: &Volume, at: [usize; 3], window: [f32; 2]) -> Result<Image> {
+    let [x, y, z] = volume.views(at, window)?;
     side_by_side(&[colors(z)?, colors(y)?, colors(x)?])
 }
 
-/// What becomes black and white.
-fn window(volume: &Volume) -> [f32; 2] {
+/// What becomes black and white: the range of the values.
+pub fn window(volume: &Volume) -> [f32; 2] {
     let [low, high] = volume.range().unwrap_or([0.0, 1.0]);
     [low, if high > low { high } else { low + 1.0 }]
 }

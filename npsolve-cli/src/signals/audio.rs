@@ -131,7 +131,7 @@ impl Signal<1> for Audio {
         ".wav"
     }
 
-    fn picture(&self, _: [usize; 1]) -> Result<Image> {
+    fn picture(&self, _: [usize; 1], _: &Self) -> Result<Image> {
         spectrum::of(self)
     }
 

@@ -62,7 +62,7 @@ impl Signal<4> for Views {
         ".npy"
     }
 
-    fn picture(&self, at: [usize; 4]) -> Result<Image> {
+    fn picture(&self, at: [usize; 4], _: &Self) -> Result<Image> {
         Ok(self.field.view(at[2], at[3]))
     }
 

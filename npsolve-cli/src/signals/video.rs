@@ -54,7 +54,7 @@ impl Signal<3> for Film {
         "/%04d.png"
     }
 
-    fn picture(&self, at: [usize; 3]) -> Result<Image> {
+    fn picture(&self, at: [usize; 3], _: &Self) -> Result<Image> {
         Ok(self.video.frame(at[2]))
     }
 

@@ -104,8 +104,8 @@ impl Signal<3> for Volume {
         ".nii.gz"
     }
 
-    fn picture(&self, at: [usize; 3]) -> Result<Image> {
-        slices::sheet(self, at)
+    fn picture(&self, at: [usize; 3], like: &Self) -> Result<Image> {
+        slices::sheet(self, at, slices::window(like))
     }
 
     fn notes(&self) -> Notes {
