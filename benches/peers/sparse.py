@@ -3,7 +3,7 @@ SciPy and PyAMG and fast transforms of pie-torch.
 
     pip install numpy scipy pyamg torch pie-torch
     cargo build --release -p npsolve-benches
-    python benches/peers/sparse.py [--dimensions 1 2 3 4] [--quick] [--repeats 3] [--program PATH]
+    python benches/peers/sparse.py [--dimensions 1 2 3 4] [--quick] [--most SAMPLES] [--repeats 3] [--program PATH]
 
 The same samples for all: one channel of waves with a little noise, a cube of n^D samples taken from the
 patch, eight samples of background around it. What is timed begins with arrays in memory and ends with
@@ -245,6 +245,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dimensions", type=int, nargs="+", default=[1, 2, 3, 4], choices=[1, 2, 3, 4])
     parser.add_argument("--quick", action="store_true", help="small sizes: does it work?")
+    parser.add_argument("--most", type=int, default=1 << 40, help="leave out larger problems")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--only", nargs="+", default=[*OURS, *PEERS], choices=[*OURS, *PEERS])
     parser.add_argument("--program", default=str(machine.ROOT / "target/release/dimension_timing"))
@@ -265,7 +266,7 @@ def main():
     print("\n".join(out), flush=True)
     for dims in arguments.dimensions:
         given_up = {}
-        for n in (QUICK if arguments.quick else SIZES)[dims]:
+        for n in (n for n in (QUICK if arguments.quick else SIZES)[dims] if n**dims <= arguments.most):
             lines = {case: [{"stopped": given_up[case]}] if case in given_up else [] for case in cases}
             for _ in range(arguments.repeats):
                 for case in cases:
