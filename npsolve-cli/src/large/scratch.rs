@@ -29,10 +29,7 @@ impl Scratch {
     /// Where nothing can be written beside it, or another run does so.
     pub fn new(output: &Path) -> Result<Self> {
         let target = fs::canonicalize(output).unwrap_or_else(|_| output.to_path_buf());
-        let folder = match target.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
-            _ => PathBuf::from("."),
-        };
+        let folder = target.parent().map(Path::to_path_buf).unwrap_or_default();
         let mut stem = OsString::from(".");
         stem.push(target.file_name().unwrap_or_default());
         stem.push(".npsolve-");
