@@ -2,19 +2,21 @@
 //!
 //! `cargo run --release -p npsolve-cli --example 7_blend_radiance_5d`
 
+use std::f32::consts::PI;
+
 use inr_core::{Domain, Ellipsoid, Field, Jet, Samples, Scalar, Unit, gradient};
 use poisson_loss::{Guidance, Options, Patch, Problem, solve};
 
 /// What the patch is brighter by.
 const BRIGHTER: f64 = 0.25;
 
-/// Light from a surface with a highlight that moves with the eye: x, y, z in millimetres, two angles in radians.
+/// Light from a surface: x, y, z in millimetres, and two angles in radians, 0 to pi. It is level at both ends of the
+/// angles, as the background's spline is at the border of its samples; a patch that is not would tilt the blend there.
 fn surface<T: Scalar>([x, y, z, polar, azimuth]: [T; 5]) -> T {
     let c = T::from_f64;
     let shade = (x * c(0.9)).sin() * (y * c(0.7)).cos() + (z * c(0.8)).sin() * c(0.5);
-    let moved = [polar - x * c(0.3), azimuth - y * c(0.2)];
-    let highlight = (-(moved[0] * moved[0] + moved[1] * moved[1])).exp();
-    c(0.4) + shade * c(0.15) + highlight * c(0.2)
+    let moved = polar.cos() * (x * c(0.6)).cos() + azimuth.cos() * (y * c(0.5)).sin();
+    c(0.4) + shade * c(0.15) + moved * c(0.1)
 }
 
 /// A field of one's own: dual numbers turn the formula into values and exact gradients.
@@ -38,7 +40,7 @@ impl Field<5, 1> for Brighter {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let (pitch, origin) = ([0.4, 0.4, 0.4, 0.3, 0.3], [-1.6, -1.6, -1.6, -0.75, -0.75]);
+    let (pitch, origin) = ([0.4, 0.4, 0.4, PI / 5.0, PI / 5.0], [-1.6, -1.6, -1.6, 0.0, 0.0]);
     let domain = Domain::new([9, 9, 9, 6, 6], pitch, origin, Unit::Millimetre)?;
     let background = Samples::<5, 1>::from_fn(domain, |x| [surface(x.map(f64::from)) as f32]);
     // A ball in space, from every direction.
@@ -53,8 +55,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // A picture: a plane through the ball, from one direction, between the samples.
     let at = |k: usize| -1.1 + 2.2 * k as f32 / 31.0;
-    let plane: Vec<[f32; 5]> =
-        (0..1024).map(|k| [at(k % 32), at(k / 32), 0.1, 0.2, -0.1]).collect();
+    let plane: Vec<[f32; 5]> = (0..1024).map(|k| [at(k % 32), at(k / 32), 0.1, 1.2, 0.7]).collect();
     let mut picture = vec![[0.0]; plane.len()];
     blend.to_field().eval(&plane, &mut picture);
     let errors = plane
