@@ -101,7 +101,7 @@ fn pictures_that_cannot_be_fitted() {
     folder.picture("wide.npy", &wide, SampleType::F32);
     fs::write(folder.path("zero.pgm"), b"P5\n0 0\n255\n").unwrap();
     let fit = |name: &str| format!("fit {name} -o out.safetensors --steps 2");
-    refused(&folder, &fit("five.npy"), 1, &["five.npy", "5 channels", "1 to 4"]);
+    refused(&folder, &fit("five.npy"), 1, &["five.npy", "5 channels", "1, 2, 3, 4"]);
     refused(&folder, &fit("nan.npy"), 1, &["nan.npy", "NaN", "replace"]);
     refused(&folder, &fit("wide.npy"), 1, &["wide.npy", "scale"]);
     refused(&folder, &fit("zero.pgm"), 1, &["zero.pgm"]);
