@@ -69,9 +69,9 @@ fn main() -> Result<()> {
         write_volume(file(reader, name)?, &volume, &options)?;
     }
     for (name, text) in [
-        ("u8.json", r#"{"file": "a.raw", "shape": [4, 3, 2], "dtype": "u8", "spacing": [2, 2, 3]}"#),
+        ("u8.json", r#"{"file": "a.raw", "shape": [8, 4, 3], "dtype": "u8", "spacing": [2, 2, 3]}"#),
         ("f32.json", r#"{"file": "a.raw", "shape": [2, 2, 2], "channels": 3, "dtype": "f32", "order": "interleaved"}"#),
-        ("affine.json", r#"{"file": "a.raw", "shape": [2, 3, 4], "dtype": "i16", "endian": "big", "slope": 0.5, "intercept": 3, "affine": [[2, 0, 0, 1], [0, 2, 0, 2], [0, 0, 3, -5]]}"#),
+        ("affine.json", r#"{"file": "a.raw", "shape": [2, 6, 4], "dtype": "i16", "endian": "big", "slope": 0.5, "intercept": 3, "affine": [[2, 0, 0, 1], [0, 2, 0, 2], [0, 0, 3, -5]]}"#),
     ] {
         fs::write(file("volume_json", name)?, text)?;
     }
